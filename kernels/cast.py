@@ -1,0 +1,102 @@
+"""Kernels that answer rays: closest hit, any hit, and secondary rays from hits."""
+
+from functools import cache
+
+import warp as wp
+
+from .spec import Spec
+from .structs import WIDE, hit_arrays_struct, hit_struct, rays_struct, scene_struct, vec3
+from .surface import leave, make_surface
+from .trace import make_trace
+
+OPTIONS = {"fast_math": False, "fuse_fp": False}
+"""Rounding counts and exact signs need each operation rounded on its own, whatever the user's global options."""
+
+Rays = rays_struct()
+
+
+@wp.func
+def load_ray(rays: Rays, k: int):
+    """Ray k as (origin, direction, t_min, t_max) in float64, which holds float32 exactly."""
+    t_min, t_max = rays.t_min[k * rays.t_min_step], rays.t_max[k * rays.t_max_step]
+    if rays.is_wide:
+        return rays.origin_wide[k], rays.direction_wide[k], t_min, t_max
+    return wp.vec3d(rays.origin[k]), wp.vec3d(rays.direction[k]), t_min, t_max
+
+
+@cache
+def make_cast(spec: Spec, full: bool):
+    """Closest hits. Only with `full` does code for points, normals and weights exist."""
+    real = spec.real
+    vec, vec2 = vec3(real), wp.types.vector(2, real)
+    Scene, Arrays = scene_struct(spec), hit_arrays_struct(real)  # noqa: N806  types
+    trace = make_trace(spec, False)
+    surface = make_surface(spec) if full else None
+
+    @wp.kernel(module="unique", enable_backward=False, module_options=OPTIONS)
+    def cast(scene: Scene, rays: Rays, hits: Arrays, first: int):
+        k = first + wp.tid()
+        o, d, t_min, t_max = load_ray(rays, k)
+        hit = trace(scene, o, d, t_min, t_max)
+        is_hit = hit.instance >= 0
+        if hits.hit.shape[0] > 0:
+            hits.hit[k] = is_hit
+        if hits.t.shape[0] > 0:
+            hits.t[k] = wp.where(is_hit, real(hit.t), real(wp.inf))
+        if hits.instance_id.shape[0] > 0:
+            hits.instance_id[k] = hit.instance
+        if hits.primitive_id.shape[0] > 0:
+            hits.primitive_id[k] = hit.primitive
+        if wp.static(full):
+            position, normal, uv, t_error = vec(), vec(), vec2(), real(0.0)
+            if is_hit:
+                s = surface(scene, o, d, t_min, hit)
+                position, normal, uv = vec(s.position), vec(s.normal), vec2(real(s.u), real(s.v))
+                t_error = real(wp.nan)
+            if hits.position.shape[0] > 0:
+                hits.position[k] = position
+            if hits.normal.shape[0] > 0:
+                hits.normal[k] = normal
+            if hits.uv.shape[0] > 0:
+                hits.uv[k] = uv
+            if hits.t_error.shape[0] > 0:
+                hits.t_error[k] = t_error
+
+    return cast
+
+
+@cache
+def make_occluded(spec: Spec):
+    """Whether anything is met at all: the same body as the closest hit, ended by the first one found."""
+    Scene = scene_struct(spec)  # noqa: N806  a type
+    trace = make_trace(spec, True)
+
+    @wp.kernel(module="unique", enable_backward=False, module_options=OPTIONS)
+    def occluded(scene: Scene, rays: Rays, is_occluded: wp.array(dtype=wp.bool), first: int):
+        k = first + wp.tid()
+        o, d, t_min, t_max = load_ray(rays, k)
+        is_occluded[k] = trace(scene, o, d, t_min, t_max).instance >= 0
+
+    return occluded
+
+
+@cache
+def make_spawn(spec: Spec):
+    """Origins of rays that leave the hits of other rays; a miss has none and gives NaN."""
+    Scene, Hit = scene_struct(spec), hit_struct()  # noqa: N806  types
+    trace, surface = make_trace(spec, False), make_surface(spec)
+
+    @wp.kernel(module="unique", enable_backward=False, module_options=OPTIONS)
+    def spawn(
+        scene: Scene, rays: Rays, direction: wp.array(dtype=wp.vec3d), origin: wp.array(dtype=wp.vec3d), first: int
+    ):
+        k = first + wp.tid()
+        o, d, t_min, t_max = load_ray(rays, k)
+        hit = trace(scene, o, d, t_min, t_max)
+        nowhere = WIDE(wp.nan)
+        origin[k] = wp.vec3d(nowhere, nowhere, nowhere)
+        if hit.instance >= 0:
+            s = surface(scene, o, d, t_min, hit)
+            origin[k] = leave(s.position, s.normal, s.offset, direction[k])
+
+    return spawn

@@ -1,0 +1,52 @@
+"""A world ray taken into the canonical space of an instance, up to the bounds of its shape."""
+
+from functools import cache
+
+import warp as wp
+
+from .box import enter_box
+from .rounding import power_of_two_below, safe_reciprocal, shortened
+from .spec import ShapeKind, Spec
+from .structs import WIDE, local_ray_struct, scene_struct
+from .transform import location_to_local, offset
+
+
+@wp.func
+def advance(t: wp.float64):
+    """A parameter a little before t, of few digits: with round input o + t d and t itself then stay exact."""
+    if wp.abs(t) > wp.float64(1.0e7):
+        # So far from the shape, the digits that shortening drops would be those that count.
+        return t
+    if t < wp.float64(0.0):
+        return shortened(t * wp.float64(1.0000001))
+    return shortened(t)
+
+
+@cache
+def make_enter(spec: Spec):
+    """Ray and instance to local ray. In float64 throughout: this is where float32 would cancel."""
+    Scene, LocalRay = scene_struct(spec), local_ray_struct(WIDE)  # noqa: N806  types
+    has_plane = ShapeKind.PLANE in spec.shapes
+
+    @wp.func
+    def enter(scene: Scene, i: int, o: wp.vec3d, d: wp.vec3d, t_min: WIDE) -> LocalRay:
+        w = scene.instances.local_from_world[i]
+        shape = scene.shape[scene.instances.shape[i]]
+        ray = LocalRay()
+        ray.o = location_to_local(w, scene.instances.origin[i], o)
+        ray.d = offset(w, d)
+        ray.scale = power_of_two_below(wp.max(wp.abs(ray.d)))
+        ray.d = ray.scale * ray.d
+        ray.is_hit = True
+        if wp.static(has_plane):
+            if shape.kind == wp.static(int(ShapeKind.PLANE)):
+                return ray
+        pad = wp.vec3d(shape.pad, shape.pad, shape.pad)
+        near, far = enter_box(ray.o, safe_reciprocal(ray.d), shape.lower - pad, shape.upper + pad)
+        first = t_min / ray.scale
+        ray.is_hit = near <= far and first <= far
+        ray.start = advance(wp.max(near, first))
+        ray.o = ray.o + ray.start * ray.d
+        return ray
+
+    return enter

@@ -1,0 +1,92 @@
+"""Sizes of rounding errors, and the few operations on the bits of a float."""
+
+import warp as wp
+
+from .generic import Real, Vec3
+
+
+@wp.func
+def unit_roundoff(x: wp.float32):
+    """Half the distance from 1 to the next float of the argument's type: 2^-24."""
+    return wp.float32(5.9604644775390625e-08)
+
+
+@wp.func
+def unit_roundoff(x: wp.float64):  # noqa: F811  an overload, chosen by type
+    """2^-53, formed from exact float32 factors because literals of a kernel are float32."""
+    return wp.float64(1.862645149230957e-09) * wp.float64(5.9604644775390625e-08)
+
+
+@wp.func
+def power_of_two_below(x: wp.float32):
+    """2^-k with x 2^-k in [1, 2), for a positive normal x: scaling by it never rounds."""
+    exponent = (wp.cast(x, wp.int32) >> wp.int32(23)) & wp.int32(255)
+    return wp.cast((wp.int32(254) - wp.clamp(exponent, wp.int32(1), wp.int32(253))) << wp.int32(23), wp.float32)
+
+
+@wp.func
+def power_of_two_below(x: wp.float64):  # noqa: F811
+    """2^-k with x 2^-k in [1, 2), for a positive normal x: scaling by it never rounds."""
+    exponent = (wp.cast(x, wp.int64) >> wp.int64(52)) & wp.int64(2047)
+    return wp.cast((wp.int64(2046) - wp.clamp(exponent, wp.int64(1), wp.int64(2045))) << wp.int64(52), wp.float64)
+
+
+@wp.func
+def shortened(x: wp.float64):
+    """x rounded towards 0 to 27 significant bits, so that its product with a float32 is exact."""
+    return wp.cast(wp.cast(x, wp.int64) & wp.int64(-67108864), wp.float64)
+
+
+@wp.func_native("return fma(a, b, c);")
+def fused(a: wp.float64, b: wp.float64, c: wp.float64) -> wp.float64: ...
+
+
+@wp.func
+def difference_of_products(a: wp.float32, b: wp.float32, c: wp.float32, d: wp.float32):
+    """a b - c d in float64, where the products of float32 are exact: one rounding, so the sign is exact."""
+    return wp.float64(a) * wp.float64(b) - wp.float64(c) * wp.float64(d)
+
+
+@wp.func
+def difference_of_products(a: wp.float64, b: wp.float64, c: wp.float64, d: wp.float64):  # noqa: F811
+    """a b - c d to 1.5 ulp, hence with the exact sign (Kahan; Jeannerod, Louvet & Muller 2013)."""
+    cd = c * d
+    error = fused(-c, d, cd)
+    return fused(a, b, -cd) + error
+
+
+@wp.func
+def smaller(a: Real, b: Real):
+    """The smaller of two numbers that are not NaN: wp.min, which allows for NaN, takes four instructions."""
+    return wp.where(b < a, b, a)
+
+
+@wp.func
+def larger(a: Real, b: Real):
+    """The larger of two numbers that are not NaN."""
+    return wp.where(b > a, b, a)
+
+
+@wp.func
+def safe_reciprocal(d: Vec3):
+    """1 / d by component; components below 1e-30 of the largest count as that small, with their sign.
+
+    For walls that are padded: a ray then never gives 0 * inf, and a parallel ray meets its walls very far away.
+    """
+    tiny = wp.max(wp.abs(d)) * type(d[0])(1.0e-30)
+    for axis in range(3):
+        if wp.abs(d[axis]) < tiny:
+            d[axis] = wp.copysign(tiny, d[axis])
+    return wp.cw_div(type(d)(type(d[0])(1.0)), d)
+
+
+@wp.func
+def is_finite(v: Vec3):
+    """Whether no component is NaN or infinite."""
+    return wp.isfinite(v[0]) and wp.isfinite(v[1]) and wp.isfinite(v[2])
+
+
+@wp.func
+def is_ray(o: Vec3, d: Vec3, t_min: Real, t_max: Real):
+    """Whether a ray is one: finite origin, finite direction that is not 0, limits in order and not NaN."""
+    return is_finite(o) and is_finite(d) and wp.max(wp.abs(d)) > type(t_min)(0.0) and t_min <= t_max

@@ -1,0 +1,279 @@
+"""Types of what lies on the device. A field exists only where the spec needs it."""
+
+from functools import cache
+
+import warp as wp
+
+from .spec import Look, Spec
+
+WIDE = wp.float64
+"""Arithmetic of what float32 would cancel: placements, local rays, analytic shapes, exact signs."""
+
+
+def make_struct(name: str, fields: dict) -> type:
+    """A Warp struct from a dictionary of its fields."""
+    return wp.struct(type(name, (), {"__annotations__": fields, "__module__": __name__, "__qualname__": name}))
+
+
+def vec3(real):
+    """The vector of three reals."""
+    return wp.types.vector(3, real)
+
+
+@cache
+def grid_struct(real):
+    """Uniform grid over lo .. lo + count * cell. Cells list items in CSR form."""
+    return make_struct(
+        "Grid",
+        {
+            "lo": vec3(real),
+            "cell": vec3(real),  # edge lengths of one cell
+            "inv_cell": vec3(real),
+            "count": wp.vec3i,  # cells along x, y, z
+            "start": wp.array(dtype=wp.int32),  # [cells + 1]  cell c lists item[start[c] : start[c + 1]]
+            "item": wp.array(dtype=wp.int32),  # [start[-1]]  ids, ascending within a cell
+        },
+    )
+
+
+@cache
+def mesh_struct(real, has_grid: bool):
+    """A triangle mesh in its canonical space: centred, longest half extent in [1/2, 1], by a power of two."""
+    fields = {
+        "face_count": wp.int32,
+        "corner": wp.array(dtype=real),  # [9 faces]  p0 p1 p2 of a face; faces without area are three equal points
+    }
+    if has_grid:
+        fields["grid"] = grid_struct(real)
+    return make_struct("Mesh", fields)
+
+
+@cache
+def shape_struct(has_mesh: bool):
+    """A shape in its canonical space, with the bounds to which a ray is advanced."""
+    fields = {
+        "kind": wp.int32,
+        "lower": wp.vec3d,
+        "upper": wp.vec3d,  # sphere: r in each component; plane, which has no bounds: its unit normal
+        "pad": WIDE,  # added to the bounds on all sides before a ray is held against them
+    }
+    if has_mesh:
+        fields["mesh"] = wp.int32
+    return make_struct("Shape", fields)
+
+
+@cache
+def instances_struct(has_grid: bool):
+    """Placements x_world = A x_canonical + origin."""
+    fields = {
+        "count": wp.int32,
+        "shape": wp.array(dtype=wp.int32),
+        "local_from_world": wp.array(dtype=wp.mat33d),  # W, the inverse of A
+        "world_from_local": wp.array(dtype=wp.mat33d),  # A
+        "origin": wp.array(dtype=wp.vec3d),
+        "order": wp.array(dtype=wp.int32),  # instances that no grid lists come first
+        "loose_count": wp.int32,  # how many those are
+    }
+    if has_grid:
+        fields |= {
+            "grid": grid_struct(WIDE),
+            "center": wp.vec3d,  # grid and bounds are relative to it
+            "lower": wp.array(dtype=wp.vec3d),  # padded world bounds
+            "upper": wp.array(dtype=wp.vec3d),
+            "reach": WIDE,  # rays from farther away, whose rounding may exceed the padding, test every instance
+        }
+    return make_struct("Instances", fields)
+
+
+@cache
+def scene_struct(spec: Spec):
+    """All geometry."""
+    fields = {
+        "instances": instances_struct(spec.instance_grid),
+        "shape": wp.array(dtype=shape_struct(spec.has_mesh)),
+    }
+    if spec.has_mesh:
+        fields["mesh"] = wp.array(dtype=mesh_struct(spec.real, spec.mesh_grid))
+    return make_struct("Scene", fields)
+
+
+@cache
+def local_ray_struct(real):
+    """A ray in canonical space: the world parameter is scale * (start + t)."""
+    return make_struct(
+        "LocalRay",
+        {
+            "is_hit": wp.bool,  # whether it meets the bounds
+            "o": vec3(real),  # already at the bounds
+            "d": vec3(real),  # largest component in [1, 2)
+            "start": WIDE,
+            "scale": WIDE,
+        },
+    )
+
+
+@cache
+def world_ray_struct():
+    """A ray as the user gave it, with what the grid over instances needs."""
+    return make_struct(
+        "WorldRay",
+        {
+            "o": wp.vec3d,  # relative to the centre of the grid
+            "d": wp.vec3d,
+            "inv_d": wp.vec3d,
+            "o_world": wp.vec3d,
+            "t_start": WIDE,
+            "t_min": WIDE,
+            "t_max": WIDE,
+        },
+    )
+
+
+@cache
+def face_ray_struct(real):
+    """A local ray sheared onto its main axis, with the limits a hit must keep."""
+    return make_struct(
+        "FaceRay",
+        {
+            "o": vec3(real),
+            "d": vec3(real),
+            "inv_d": vec3(real),
+            "kx": wp.int32,
+            "ky": wp.int32,
+            "kz": wp.int32,
+            "ox": real,
+            "oy": real,
+            "oz": real,
+            "sx": real,
+            "sy": real,
+            "dz": WIDE,
+            "start": WIDE,
+            "scale": WIDE,
+            "t_min": WIDE,
+            "t_max": WIDE,
+        },
+    )
+
+
+@cache
+def face_hit_struct():
+    """Best hit within one mesh; t is that of the local ray."""
+    return make_struct("FaceHit", {"t": WIDE, "face": wp.int32})
+
+
+@cache
+def hit_struct():
+    """Best hit over all instances. A miss has instance -1."""
+    return make_struct("Hit", {"t": WIDE, "instance": wp.int32, "primitive": wp.int32})
+
+
+@cache
+def trail_struct():
+    """Where the cells that a ray pierces are written; while they are only counted, the arrays are empty."""
+    return make_struct(
+        "Trail",
+        {
+            "cell": wp.array(dtype=wp.vec3i),
+            "t_enter": wp.array(dtype=WIDE),
+            "t_exit": wp.array(dtype=WIDE),
+            "candidates": wp.array(dtype=wp.int32),
+        },
+    )
+
+
+@cache
+def trail_end_struct():
+    """How far a walk is to go in t, and how many cells are written."""
+    return make_struct("TrailEnd", {"t": WIDE, "count": wp.int32})
+
+
+@cache
+def surface_struct():
+    """What is known of a surface point, in world space."""
+    return make_struct(
+        "Surface",
+        {
+            "position": wp.vec3d,  # on the surface
+            "normal": wp.vec3d,  # unit, outward
+            "u": WIDE,
+            "v": WIDE,
+            "offset": WIDE,  # how far along the normal a ray must start so as not to meet this surface
+        },
+    )
+
+
+@cache
+def rays_struct():
+    """Rays as they came: float32 or float64, limits for each ray or one for all (step 0)."""
+    return make_struct(
+        "Rays",
+        {
+            "is_wide": wp.bool,
+            "origin": wp.array(dtype=wp.vec3f),
+            "direction": wp.array(dtype=wp.vec3f),
+            "origin_wide": wp.array(dtype=wp.vec3d),
+            "direction_wide": wp.array(dtype=wp.vec3d),
+            "t_min": wp.array(dtype=WIDE),
+            "t_max": wp.array(dtype=WIDE),
+            "t_min_step": wp.int32,
+            "t_max_step": wp.int32,
+        },
+    )
+
+
+@cache
+def hit_arrays_struct(real):
+    """Where hits are stored. A field nobody asked for is an empty array."""
+    return make_struct(
+        "HitArrays",
+        {
+            "hit": wp.array(dtype=wp.bool),
+            "t": wp.array(dtype=real),
+            "instance_id": wp.array(dtype=wp.int32),
+            "primitive_id": wp.array(dtype=wp.int32),
+            "position": wp.array(dtype=vec3(real)),
+            "normal": wp.array(dtype=vec3(real)),
+            "uv": wp.array(dtype=wp.types.vector(2, real)),
+            "t_error": wp.array(dtype=real),
+        },
+    )
+
+
+@cache
+def camera_struct():
+    """Pinhole: a pixel's direction is corner + column * right + row * down."""
+    return make_struct(
+        "Camera",
+        {
+            "position": wp.vec3d,
+            "corner": wp.vec3d,  # direction to the top left corner of the picture
+            "right": wp.vec3d,  # one pixel to the right
+            "down": wp.vec3d,  # one pixel down
+            "width": wp.int32,
+            "height": wp.int32,
+        },
+    )
+
+
+@cache
+def look_struct(look: Look):
+    """Materials, lights and sky."""
+    fields = {
+        "material": wp.array(dtype=wp.int32),  # [instances]
+        "diffuse": wp.array(dtype=wp.vec3f),  # [materials]
+        "sky": wp.vec3f,
+        "ambient": wp.vec3f,
+    }
+    if look.mirrors:
+        fields["mirror"] = wp.array(dtype=wp.vec3f)  # [materials]
+    if look.gradient_sky:
+        fields["zenith"] = wp.vec3f
+    if look.point_lights:
+        fields |= {
+            "point_position": wp.array(dtype=wp.vec3d),
+            "point_color": wp.array(dtype=wp.vec3f),
+            "point_falloff": wp.array(dtype=wp.bool),
+        }
+    if look.directional_lights:
+        fields |= {"sun_direction": wp.array(dtype=wp.vec3d), "sun_color": wp.array(dtype=wp.vec3f)}
+    return make_struct("Look", fields)

@@ -1,0 +1,105 @@
+"""What lies at a hit: point, normal, barycentric weights, and how far secondary rays must keep away."""
+
+from functools import cache
+
+import warp as wp
+
+from .box import normal_box, roots_box
+from .faces import make_face_ray, make_hit_face
+from .instance import make_enter
+from .rounding import unit_roundoff
+from .spec import ShapeKind, Spec
+from .sphere import normal_sphere
+from .structs import WIDE, hit_struct, scene_struct, surface_struct
+from .transform import location_to_world, normal_to_world, unit
+
+
+@wp.func
+def magnitude(m: wp.mat33d, v: wp.vec3d):
+    """|M| |v|, by component: the size of the terms that M v adds up."""
+    return wp.vec3d(
+        wp.dot(wp.abs(m[0]), wp.abs(v)), wp.dot(wp.abs(m[1]), wp.abs(v)), wp.dot(wp.abs(m[2]), wp.abs(v))
+    )
+
+
+@wp.func
+def offset_bound(
+    w: wp.mat33d, a: wp.mat33d, b: wp.vec3d, p_local: wp.vec3d, n_local: wp.vec3d, n_world: wp.vec3d, error: WIDE
+):
+    """How far along n_world a ray must start so that no rounding takes it back through the surface.
+
+    `error` bounds what the shape's own test can be off by, in canonical space. To it come the roundings of
+    A p + b, of the secondary ray's W (o - b), and of its direction, each times the terms that are added up there.
+    """
+    u = unit_roundoff(error)
+    terms = magnitude(a, p_local)
+    world = WIDE(8.0) * u * wp.dot(wp.abs(n_world), terms + wp.abs(b))
+    local = error + WIDE(8.0) * u * wp.dot(wp.abs(n_local), magnitude(w, terms))
+    # Along n_world, a step of 1 leaves the local surface by |W^T n_local|.
+    return world + local / wp.length(wp.transpose(w) * n_local)
+
+
+@cache
+def make_surface(spec: Spec):
+    """The surface point of a hit. The ray and t_min must be those of the hit: it is met again, bit for bit."""
+    real = spec.real
+    Scene, Hit, Surface = scene_struct(spec), hit_struct(), surface_struct()  # noqa: N806  types
+    enter = make_enter(spec)
+    has_sphere = ShapeKind.SPHERE in spec.shapes
+    has_box = ShapeKind.BOX in spec.shapes
+    has_plane = ShapeKind.PLANE in spec.shapes
+    has_mesh = spec.has_mesh
+    face_ray, hit_face = (make_face_ray(spec), make_hit_face(spec)) if has_mesh else (None, None)
+
+    @wp.func
+    def surface(scene: Scene, o: wp.vec3d, d: wp.vec3d, t_min: WIDE, hit: Hit) -> Surface:
+        i = hit.instance
+        local = enter(scene, i, o, d, t_min)
+        shape = scene.shape[scene.instances.shape[i]]
+        p = local.o + (hit.t / local.scale - local.start) * local.d
+        n = wp.vec3d()
+        s = Surface()
+        # Canonical coordinates are at most 1, or 2 on a sphere; the tests add up a dozen roundings of such terms.
+        error = WIDE(32.0) * unit_roundoff(hit.t)
+        if wp.static(has_sphere):
+            if shape.kind == wp.static(int(ShapeKind.SPHERE)):
+                p = p * (shape.upper[0] / wp.length(p))
+                n = normal_sphere(p, shape.upper[0])
+        if wp.static(has_box):
+            if shape.kind == wp.static(int(ShapeKind.BOX)):
+                _is_hit, near, _far, near_axis, far_axis = roots_box(local.o, local.d, shape.lower, shape.upper)
+                axis = wp.where(local.scale * (local.start + near) == hit.t, near_axis, far_axis)
+                n = normal_box(p, shape.lower, shape.upper, axis)
+                p[axis] = wp.where(n[axis] > WIDE(0.0), shape.upper[axis], shape.lower[axis])
+        if wp.static(has_plane):
+            if shape.kind == wp.static(int(ShapeKind.PLANE)):
+                n = shape.upper
+                p = p - wp.dot(p, n) * n
+                error = error * (WIDE(1.0) + wp.max(wp.abs(p)))
+        if wp.static(has_mesh):
+            if shape.kind == wp.static(int(ShapeKind.MESH)):
+                mesh = scene.mesh[shape.mesh]
+                _is_hit, _t, u, v = hit_face(mesh, face_ray(local, t_min, t_min), hit.primitive)
+                s.u = u
+                s.v = v
+                k = 9 * hit.primitive
+                p0 = wp.vec3d(WIDE(mesh.corner[k]), WIDE(mesh.corner[k + 1]), WIDE(mesh.corner[k + 2]))
+                e1 = wp.vec3d(WIDE(mesh.corner[k + 3]), WIDE(mesh.corner[k + 4]), WIDE(mesh.corner[k + 5])) - p0
+                e2 = wp.vec3d(WIDE(mesh.corner[k + 6]), WIDE(mesh.corner[k + 7]), WIDE(mesh.corner[k + 8])) - p0
+                p = p0 + s.u * e1 + s.v * e2
+                n = unit(wp.cross(e1, e2))
+                # Of the tier's arithmetic: o, d and the sheared corners carry about 25 roundings of terms up to 2.
+                error = WIDE(real(32.0) * unit_roundoff(real(1.0)))
+        w, a, b = scene.instances.local_from_world[i], scene.instances.world_from_local[i], scene.instances.origin[i]
+        s.position = location_to_world(a, b, p)
+        s.normal = normal_to_world(w, n)
+        s.offset = offset_bound(w, a, b, p, n, s.normal, error)
+        return s
+
+    return surface
+
+
+@wp.func
+def leave(position: wp.vec3d, normal: wp.vec3d, offset: WIDE, d: wp.vec3d):
+    """Origin of a ray in direction d from a surface point, moved off to the side that d points to."""
+    return position + wp.copysign(offset, wp.dot(normal, d)) * normal

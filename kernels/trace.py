@@ -1,0 +1,178 @@
+"""Closest hit, or any hit, of a world ray with all instances."""
+
+from functools import cache
+
+import warp as wp
+
+from .box import enter_box, roots_box
+from .faces import make_face_ray, make_hit_faces, make_in_range
+from .grid import make_walk, wall
+from .instance import make_enter
+from .plane import root_plane
+from .rounding import is_ray, safe_reciprocal, unit_roundoff
+from .spec import ShapeKind, Spec
+from .sphere import roots_sphere
+from .structs import WIDE, face_hit_struct, grid_struct, hit_struct, scene_struct, world_ray_struct
+
+
+@cache
+def make_closer(spec: Spec, any_hit: bool):
+    """Keeps the better of a hit and a parameter: the smaller t, then the lower instance id."""
+    Hit, in_range = hit_struct(), make_in_range(spec.real)  # noqa: N806  a type
+
+    @wp.func
+    def closer(t: WIDE, i: int, primitive: int, t_min: WIDE, t_max: WIDE, best: Hit) -> Hit:
+        if in_range(t, t_min, t_max) and (t < best.t or (t == best.t and i < best.instance)):
+            best.t = t
+            best.instance = i
+            best.primitive = primitive
+            if wp.static(any_hit):
+                best.t = WIDE(-wp.inf)
+        return best
+
+    return closer
+
+
+@cache
+def make_hit_instance(spec: Spec, any_hit: bool):
+    """Best hit after one more instance. Absent shapes leave no code behind."""
+    Scene, Ray, Hit, FaceHit = scene_struct(spec), world_ray_struct(), hit_struct(), face_hit_struct()  # noqa: N806  types
+    enter, closer = make_enter(spec), make_closer(spec, any_hit)
+    has_sphere = ShapeKind.SPHERE in spec.shapes
+    has_box = ShapeKind.BOX in spec.shapes
+    has_plane = ShapeKind.PLANE in spec.shapes
+    has_mesh = spec.has_mesh
+    face_ray, hit_faces = (make_face_ray(spec), make_hit_faces(spec, any_hit)) if has_mesh else (None, None)
+
+    @wp.func
+    def hit_instance(scene: Scene, ray: Ray, i: int, best: Hit) -> Hit:
+        local = enter(scene, i, ray.o_world, ray.d, ray.t_min)
+        if not local.is_hit or local.scale * local.start > best.t:
+            return best
+        shape = scene.shape[scene.instances.shape[i]]
+        if wp.static(has_sphere):
+            if shape.kind == wp.static(int(ShapeKind.SPHERE)):
+                is_hit, near, far = roots_sphere(local.o, local.d, shape.upper[0])
+                if is_hit:
+                    best = closer(local.scale * (local.start + near), i, 0, ray.t_min, ray.t_max, best)
+                    best = closer(local.scale * (local.start + far), i, 0, ray.t_min, ray.t_max, best)
+        if wp.static(has_box):
+            if shape.kind == wp.static(int(ShapeKind.BOX)):
+                is_hit, near, far, _near_axis, _far_axis = roots_box(local.o, local.d, shape.lower, shape.upper)
+                if is_hit:
+                    best = closer(local.scale * (local.start + near), i, 0, ray.t_min, ray.t_max, best)
+                    best = closer(local.scale * (local.start + far), i, 0, ray.t_min, ray.t_max, best)
+        if wp.static(has_plane):
+            if shape.kind == wp.static(int(ShapeKind.PLANE)):
+                is_hit, t = root_plane(local.o, local.d, shape.upper)
+                if is_hit:
+                    best = closer(local.scale * (local.start + t), i, 0, ray.t_min, ray.t_max, best)
+        if wp.static(has_mesh):
+            if shape.kind == wp.static(int(ShapeKind.MESH)):
+                face = FaceHit()
+                face.face = -1
+                reach = best.t / local.scale
+                face.t = reach - local.start + WIDE(4.0) * unit_roundoff(reach) * (wp.abs(reach) + wp.abs(local.start))
+                face = hit_faces(scene.mesh[shape.mesh], face_ray(local, ray.t_min, ray.t_max), face)
+                if face.face >= 0:
+                    if wp.static(any_hit):
+                        best.t = face.t
+                        best.instance = i
+                    else:
+                        t = local.scale * (local.start + face.t)
+                        best = closer(t, i, face.face, ray.t_min, ray.t_max, best)
+        return best
+
+    return hit_instance
+
+
+@cache
+def make_trace(spec: Spec, any_hit: bool):
+    """Closest (or any) hit of a ray. A miss, and what is not a ray, has instance -1."""
+    Scene, Ray, Hit = scene_struct(spec), world_ray_struct(), hit_struct()  # noqa: N806  types
+    has_grid = spec.instance_grid
+    hit_instance = make_hit_instance(spec, any_hit)
+
+    @wp.func
+    def hit_loose(scene: Scene, ray: Ray, count: int, best: Hit) -> Hit:
+        for k in range(count):
+            best = hit_instance(scene, ray, scene.instances.order[k], best)
+            if wp.static(any_hit):
+                if best.instance >= 0:
+                    return best
+        return best
+
+    @wp.func
+    def start_ray(o: wp.vec3d, d: wp.vec3d, t_min: WIDE, t_max: WIDE) -> Ray:
+        ray = Ray()
+        ray.o_world = o
+        ray.d = d
+        ray.t_min = t_min
+        ray.t_max = t_max
+        return ray
+
+    @wp.func
+    def no_hit(t_max: WIDE) -> Hit:
+        best = Hit()
+        # A hit beyond t_max may still be reported below it after rounding: half an ulp of float32 at the most.
+        best.t = t_max + WIDE(2.384185791015625e-07) * wp.abs(t_max)
+        best.instance = -1
+        best.primitive = -1
+        return best
+
+    if not has_grid:
+
+        @wp.func
+        def trace_all(scene: Scene, o: wp.vec3d, d: wp.vec3d, t_min: WIDE, t_max: WIDE) -> Hit:
+            best = no_hit(t_max)
+            if is_ray(o, d, t_min, t_max):
+                best = hit_loose(scene, start_ray(o, d, t_min, t_max), scene.instances.count, best)
+            return best
+
+        return trace_all
+
+    Grid = grid_struct(WIDE)  # noqa: N806  a type
+
+    @wp.func
+    def visit_instances(
+        grid: Grid, scene: Scene, ray: Ray, cell: int, t_in: WIDE, t_out: WIDE, best: Hit
+    ) -> Hit:
+        for k in range(grid.start[cell], grid.start[cell + 1]):
+            i = grid.item[k]
+            near, far = enter_box(ray.o, ray.inv_d, scene.instances.lower[i], scene.instances.upper[i])
+            entry = wp.max(near, ray.t_start)
+            # An instance is tested in the one cell where the ray enters its bounds, so once, and front to back.
+            if entry <= far and entry >= t_in and entry < t_out and entry <= best.t:
+                best = hit_instance(scene, ray, i, best)
+        return best
+
+    walk = make_walk(WIDE, visit_instances)
+
+    @wp.func
+    def hit_listed(scene: Scene, ray: Ray, best: Hit) -> Hit:
+        grid = scene.instances.grid
+        upper = wp.vec3d(
+            wall(grid.lo[0], grid.cell[0], grid.count[0]),
+            wall(grid.lo[1], grid.cell[1], grid.count[1]),
+            wall(grid.lo[2], grid.cell[2], grid.count[2]),
+        )
+        near, far = enter_box(ray.o, ray.inv_d, grid.lo, upper)
+        ray.t_start = wp.max(near, ray.t_min)
+        if ray.t_start <= far and ray.t_start <= best.t:
+            best = walk(grid, scene, ray, ray.t_start, best)
+        return best
+
+    @wp.func
+    def trace(scene: Scene, o: wp.vec3d, d: wp.vec3d, t_min: WIDE, t_max: WIDE) -> Hit:
+        best = no_hit(t_max)
+        if is_ray(o, d, t_min, t_max):
+            ray = start_ray(o, d, t_min, t_max)
+            ray.o = o - scene.instances.center
+            ray.inv_d = safe_reciprocal(d)
+            if wp.max(wp.abs(ray.o)) > scene.instances.reach:
+                return hit_loose(scene, ray, scene.instances.count, best)
+            best = hit_loose(scene, ray, scene.instances.loose_count, best)
+            best = hit_listed(scene, ray, best)
+        return best
+
+    return trace

@@ -1,0 +1,29 @@
+"""Ray tracing of instanced scenes with NVIDIA Warp kernels, on CPU and GPU."""
+
+from pathlib import Path
+
+# A checkout keeps the device code and the scenes beside this package; the wheel puts them inside.
+if not (Path(__file__).parent / "kernels").is_dir():
+    __path__.append(str(Path(__file__).parents[1]))
+
+from .camera import Camera as Camera
+from .hits import Hits as Hits
+from .image import Image as Image
+from .lights import AmbientLight as AmbientLight
+from .lights import DirectionalLight as DirectionalLight
+from .lights import GradientSky as GradientSky
+from .lights import PointLight as PointLight
+from .materials import Material as Material
+from .mesh import Mesh as Mesh
+from .scene import Instance as Instance
+from .scene import Instances as Instances
+from .scene import Scene as Scene
+from .scene_files import load_scene as load_scene
+from .shapes import Box as Box
+from .shapes import Plane as Plane
+from .shapes import Sphere as Sphere
+from .tracer import Tracer as Tracer
+from .transform import Transform as Transform
+from .walk import CellWalk as CellWalk
+
+from ._version import __version__ as __version__

@@ -1,0 +1,127 @@
+"""From a scene to what lies on a device: the only place where its float64 numbers become arrays there."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import warp as wp
+from warprt.kernels.spec import Look, ShapeKind, Spec
+from warprt.kernels.structs import instances_struct, look_struct, mesh_struct, scene_struct, shape_struct
+
+from .lights import AmbientLight, DirectionalLight, GradientSky, PointLight
+from .materials import Material
+from .mesh import Mesh
+from .placements import Placements
+from .scene import Instance, Scene
+
+SHAPE_PAD = 2.0**-20
+"""Widening of a shape's canonical bounds: covers the rounding of local rays from up to 1e6 sizes away."""
+
+
+@dataclass
+class DeviceScene:
+    """Geometry on a device, and the spec of the kernels that it needs."""
+
+    spec: Spec
+    struct: object
+    placements: Placements
+    meshes: list
+    mesh_number: np.ndarray
+    """(shapes,) position of a shape in `meshes`, or -1."""
+
+    def grids(self) -> list:
+        """The grid of each mesh, as kernels take it."""
+        return [mesh.grid.struct for mesh in self.meshes]
+
+    @property
+    def bytes(self) -> int:
+        """Device memory in use."""
+        return self.placements.bytes + sum(mesh.bytes for mesh in self.meshes)
+
+
+def assemble(scene: Scene, real: type, device: wp.Device, has_grid: bool) -> DeviceScene:
+    """Copies a scene's geometry to a device. Without `has_grid`, kernels will test every primitive."""
+    shapes = _distinct([item.shape for item in scene.objects])
+    canonicals = [shape.canonical() for shape in shapes]
+    meshes = [shape.device_copy(real, device, has_grid) for shape in shapes if isinstance(shape, Mesh)]
+    placements = Placements(scene, shapes, canonicals, SHAPE_PAD, device, has_grid)
+    spec = Spec(
+        real=real,
+        shapes=frozenset(shape.kind for shape in shapes),
+        instance_grid=placements.has_grid,
+        mesh_grid=has_grid,
+    )
+    is_mesh = np.array([shape.kind == ShapeKind.MESH for shape in shapes], dtype=bool)
+    mesh_number = np.where(is_mesh, np.cumsum(is_mesh) - 1, -1)
+    struct = scene_struct(spec)()
+    struct.shape = _shape_array(shapes, canonicals, mesh_number, spec, device)
+    if spec.has_mesh:
+        structs = [mesh.struct(real) for mesh in meshes]
+        struct.mesh = wp.array(structs, dtype=mesh_struct(real, has_grid), device=device)
+    struct.instances = placements.struct(instances_struct(spec.instance_grid))
+    return DeviceScene(spec, struct, placements, meshes, mesh_number)
+
+
+def _distinct(values: list) -> list:
+    """Each object once, in order of first appearance."""
+    return list({id(value): value for value in values}.values())
+
+
+def _shape_array(shapes, canonicals, mesh_number, spec: Spec, device: wp.Device) -> wp.array:
+    dtype = shape_struct(spec.has_mesh)
+    records = np.zeros(len(shapes), dtype=dtype.numpy_dtype())
+    records["kind"] = [int(shape.kind) for shape in shapes]
+    records["lower"] = np.reshape([canonical.lower for canonical in canonicals], (-1, 3))
+    records["upper"] = np.reshape([canonical.upper for canonical in canonicals], (-1, 3))
+    records["pad"] = SHAPE_PAD
+    if spec.has_mesh:
+        records["mesh"] = mesh_number
+    return wp.array(records, dtype=dtype, device=device)
+
+
+def assemble_look(scene: Scene, spec: Spec, device: wp.Device) -> tuple[Look, object]:
+    """Copies materials, lights and background to a device."""
+    index, materials = _material_table(scene)
+    points = [light for light in scene.lights if isinstance(light, PointLight)]
+    suns = [light for light in scene.lights if isinstance(light, DirectionalLight)]
+    is_gradient = isinstance(scene.background, GradientSky)
+    look = Look(
+        spec,
+        point_lights=bool(points),
+        directional_lights=bool(suns),
+        mirrors=any(max(material.mirror) > 0 for material in materials),
+        gradient_sky=is_gradient,
+    )
+
+    def array(values, dtype):
+        return wp.array(np.asarray(values), dtype=dtype, device=device)
+
+    struct = look_struct(look)()
+    struct.material = array(index, wp.int32)
+    struct.diffuse = array([material.diffuse for material in materials], wp.vec3f)
+    struct.ambient = np.sum([light.color for light in scene.lights if isinstance(light, AmbientLight)] or [[0.0] * 3], 0)
+    struct.sky = scene.background.horizon if is_gradient else scene.background
+    if look.mirrors:
+        struct.mirror = array([material.mirror for material in materials], wp.vec3f)
+    if is_gradient:
+        struct.zenith = scene.background.zenith
+    if points:
+        struct.point_position = array([light.position for light in points], wp.vec3d)
+        struct.point_color = array([light.color for light in points], wp.vec3f)
+        struct.point_falloff = array([light.falloff for light in points], wp.bool)
+    if suns:
+        struct.sun_direction = array([light.direction for light in suns], wp.vec3d)
+        struct.sun_color = array([light.color for light in suns], wp.vec3f)
+    return look, struct
+
+
+def _material_table(scene: Scene) -> tuple[np.ndarray, list[Material]]:
+    """(material of each instance, distinct materials)."""
+    table: dict[Material, int] = {}
+    parts = [np.empty(0, np.int32)]
+    for item in scene.objects:
+        if isinstance(item, Instance):
+            parts.append(np.array([table.setdefault(item.material or Material(), len(table))]))
+        else:
+            numbers = np.array([table.setdefault(material, len(table)) for material in item.materials])
+            parts.append(numbers[item.material_index])
+    return np.concatenate(parts).astype(np.int32), list(table) or [Material()]

@@ -1,0 +1,63 @@
+"""Checks of a user's values: each raises one ValueError that names the object and the value."""
+
+import numpy as np
+
+from .typing import ArrayLike
+
+
+def real_array(value: ArrayLike, name: str) -> np.ndarray:
+    """The value as an array of float64, or an error that names it."""
+    try:
+        return np.array(value, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise ValueError(f"{name} must be numbers; got {value!r}") from None
+
+
+def finite_array(value: ArrayLike, shape: tuple[int, ...], name: str) -> np.ndarray:
+    """The value as a read-only float64 array of that shape without NaN or infinity."""
+    array = real_array(value, name)
+    if array.shape != shape:
+        raise ValueError(f"{name} must have shape {shape}; got {array.shape}")
+    if not np.isfinite(array).all():
+        raise ValueError(f"{name} must be finite; got {array.tolist()}")
+    array.setflags(write=False)
+    return array
+
+
+def vector(value: ArrayLike, name: str) -> np.ndarray:
+    """A finite 3-vector."""
+    return finite_array(value, (3,), name)
+
+
+def direction(value: ArrayLike, name: str) -> np.ndarray:
+    """A finite 3-vector that is not 0, made unit without overflow."""
+    array = vector(value, name)
+    largest = np.abs(array).max()
+    if largest == 0:
+        raise ValueError(f"{name} must not be zero")
+    scaled = array / largest
+    return scaled / np.sqrt(scaled @ scaled)
+
+
+def number(value: float, name: str) -> float:
+    """A finite number."""
+    return float(finite_array(value, (), name))
+
+
+def color(value: ArrayLike, name: str) -> tuple[float, float, float]:
+    """Red, green, blue, each finite and not negative; a single number stands for grey."""
+    array = real_array(value, name)
+    if array.shape == ():
+        array = np.full(3, array)
+    array = finite_array(array, (3,), name)
+    if (array < 0).any():
+        raise ValueError(f"{name} must not be negative; got {array.tolist()}")
+    red, green, blue = array.tolist()
+    return red, green, blue
+
+
+def positive_integer(value: int, name: str) -> int:
+    """An integer of at least 1."""
+    if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < 1:
+        raise ValueError(f"{name} must be an integer of at least 1; got {value!r}")
+    return int(value)

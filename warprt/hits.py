@@ -1,0 +1,88 @@
+"""Results of casting rays."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import warp as wp
+from warprt.kernels.structs import vec3
+
+from .typing import Array, ArrayLike
+
+if TYPE_CHECKING:
+    from .rays import Rays
+    from .tracer import Tracer
+
+BRIEF = ("hit", "t", "instance_id", "primitive_id")
+"""Fields that need nothing but the search for the closest hit."""
+FIELDS = (*BRIEF, "position", "normal", "uv", "t_error")
+
+
+def field_types(real: type) -> dict[str, type]:
+    """The device type of each field."""
+    vec2 = wp.types.vector(2, real)
+    return dict(zip(FIELDS, (wp.bool, real, wp.int32, wp.int32, vec3(real), vec3(real), vec2, real), strict=True))
+
+
+def field_names(outputs) -> tuple[str, ...]:
+    """The fields that `outputs` asks for, or a ValueError that names the one that does not exist."""
+    if isinstance(outputs, str):
+        outputs = FIELDS if outputs == "all" else (outputs,)
+    names = tuple(outputs)
+    for name in names:
+        if name not in FIELDS:
+            raise ValueError(f"outputs must be among {', '.join(FIELDS)}, or 'all'; got {name!r}")
+    return names
+
+
+class Hits:
+    """Closest hits; every field has the leading shape of the rays. A miss: t = inf, ids -1, the rest 0.
+
+    Arrays are NumPy arrays, or Warp arrays where the rays were. Floats are float32 in `robust`, float64 in
+    `double`. A field that `outputs` did not name raises AttributeError.
+    """
+
+    hit: Array
+    """(...) bool."""
+    t: Array
+    """(...) parameter of the hit, in units of the direction's length."""
+    position: Array
+    """(..., 3) the point, on the surface."""
+    normal: Array
+    """(..., 3) unit geometric normal: outward, by winding on meshes; never turned towards the ray."""
+    uv: Array
+    """(..., 2) barycentric weights of a triangle's 2nd and 3rd vertex; 0 on other shapes."""
+    instance_id: Array
+    """(...) int32, placements counted in scene order."""
+    primitive_id: Array
+    """(...) int32, the face of a mesh; 0 on other shapes."""
+    t_error: Array
+    """(...) NaN: bounds are not computed yet."""
+
+    def __init__(self, fields: dict[str, Array], rays: "Rays", tracer: "Tracer"):
+        self.__dict__.update(fields)
+        self._names = tuple(fields)
+        self._rays = rays
+        self._tracer = tracer
+
+    def __getattr__(self, name: str):
+        if name in FIELDS:
+            raise AttributeError(f"{name} was not computed: name it in outputs=, which were {', '.join(self._names)}")
+        raise AttributeError(f"Hits has no field {name!r}")
+
+    def __repr__(self) -> str:
+        return f"Hits({self._rays.count} rays; {', '.join(self._names)})"
+
+    def spawn(self, directions: ArrayLike | wp.array) -> tuple[Array, Array]:
+        """(origins, directions) of rays that leave the hit points to the side each direction points to.
+
+        directions: (..., 3), broadcast against the hits. Origins are float64, (..., 3), and lie off the surface by
+        a bound on all roundings, so that a convex shape never meets its own rays; those of misses are NaN. Call it
+        before anything in the scene moves.
+        """
+        return self._tracer._spawn(self._rays, directions)
+
+
+def numpy_field(array: wp.array, shape: tuple[int, ...]) -> np.ndarray:
+    """A field as a NumPy array with the leading shape of the rays."""
+    values = array.numpy()
+    return values.reshape(shape + values.shape[1:])

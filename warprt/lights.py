@@ -1,0 +1,58 @@
+"""Where light comes from."""
+
+from dataclasses import dataclass
+
+from . import checks
+from .typing import ArrayLike
+
+
+@dataclass(frozen=True, eq=False)
+class AmbientLight:
+    """The same light from everywhere; nothing shadows it."""
+
+    color: ArrayLike = (0.1, 0.1, 0.1)
+    """Linear RGB: a white Lambert surface lit by this alone has this colour."""
+
+    def __post_init__(self):
+        object.__setattr__(self, "color", checks.color(self.color, "AmbientLight color"))
+
+
+@dataclass(frozen=True, eq=False)
+class PointLight:
+    """Light from one point, with hard shadows."""
+
+    position: ArrayLike
+    color: ArrayLike = (1.0, 1.0, 1.0)
+    """Linear RGB: a white Lambert surface that faces the light has this colour, at distance 1 if it falls off."""
+    falloff: bool = False
+    """Whether light weakens with the square of the distance."""
+
+    def __post_init__(self):
+        object.__setattr__(self, "position", checks.vector(self.position, "PointLight position"))
+        object.__setattr__(self, "color", checks.color(self.color, "PointLight color"))
+
+
+@dataclass(frozen=True, eq=False)
+class DirectionalLight:
+    """Parallel light, as from the sun, with hard shadows."""
+
+    direction: ArrayLike
+    """Where the light goes; need not be unit."""
+    color: ArrayLike = (1.0, 1.0, 1.0)
+    """Linear RGB: a white Lambert surface that faces the light has this colour."""
+
+    def __post_init__(self):
+        object.__setattr__(self, "direction", checks.direction(self.direction, "DirectionalLight direction"))
+        object.__setattr__(self, "color", checks.color(self.color, "DirectionalLight color"))
+
+
+@dataclass(frozen=True)
+class GradientSky:
+    """A background that goes from one colour at the horizon to another overhead (+y)."""
+
+    horizon: ArrayLike = (1.0, 1.0, 1.0)
+    zenith: ArrayLike = (0.25, 0.45, 0.85)
+
+    def __post_init__(self):
+        object.__setattr__(self, "horizon", checks.color(self.horizon, "GradientSky horizon"))
+        object.__setattr__(self, "zenith", checks.color(self.zenith, "GradientSky zenith"))

@@ -1,0 +1,189 @@
+"""Triangle meshes: what the user gives, and its copy on a device."""
+
+import copy
+from pathlib import Path
+
+import numpy as np
+import warp as wp
+from warprt.kernels.spec import ShapeKind
+from warprt.kernels.structs import mesh_struct
+
+from . import checks
+from .grid import FACES_PER_CELL, CellLists, build_face_grid, resolution
+from .shapes import Canonical, power_of_two_above
+from .typing import ArrayLike
+
+PAD_ROUNDINGS = 64
+"""Widening of a mesh's grid cells, in units of roundoff of the largest canonical coordinate, 1.
+
+A hit found by the triangle test lies on the triangle and within 25 roundings of the ray; walls and the parameters
+at which a ray meets them carry at most 12 more of terms up to 2. So each cell whose span of t holds a hit lists
+the triangle, and a ray may stop as soon as its best hit lies before the exit of a cell.
+"""
+
+
+class Mesh:
+    """Triangles that share vertices, with a uniform grid over them.
+
+    vertices: (V, 3) finite numbers, in scene units. faces: (F, 3) integers, indices into the vertices. normals
+    (V, 3) and uvs (V, 2) are kept for shading. grid: "auto", cells (nx, ny, nz), or None for no grid.
+
+    Faces without area are never hit; vertices without a face are ignored. Raises ValueError for an empty mesh,
+    indices out of range, non-finite vertices and wrong shapes.
+    """
+
+    kind = ShapeKind.MESH
+
+    def __init__(
+        self,
+        vertices: ArrayLike,
+        faces: ArrayLike,
+        normals: ArrayLike | None = None,
+        uvs: ArrayLike | None = None,
+        grid: str | tuple[int, int, int] | None = "auto",
+    ):
+        self.vertices = _rows(vertices, 3, "Mesh vertices")
+        self.faces = _face_indices(faces, len(self.vertices))
+        self.normals = None if normals is None else _rows(normals, 3, "Mesh normals", len(self.vertices))
+        self.uvs = None if uvs is None else _rows(uvs, 2, "Mesh uvs", len(self.vertices))
+        self.grid = _grid_choice(grid)
+        self._device_copies: dict = {}
+
+    def __repr__(self) -> str:
+        return f"Mesh({len(self.vertices)} vertices, {len(self.faces)} faces, grid={self.grid!r})"
+
+    def __getstate__(self):
+        return {**self.__dict__, "_device_copies": {}}
+
+    @property
+    def bounds(self) -> tuple[np.ndarray, np.ndarray]:
+        """(lower, upper) corners of the vertices that faces use, (3,) float64."""
+        used = self.vertices[self.faces.ravel()]
+        return used.min(axis=0), used.max(axis=0)
+
+    def canonical(self) -> Canonical:
+        """Centred; largest half extent in [1/2, 1)."""
+        lower, upper = self.bounds
+        center = lower / 2 + upper / 2
+        scale = power_of_two_above((upper / 2 - lower / 2).max())
+        return Canonical(center, scale, (lower - center) / scale, (upper - center) / scale)
+
+    def fit_unit_cube(self) -> "Mesh":
+        """A copy scaled evenly to a longest side of 1, with its minimum corner at the origin."""
+        lower, upper = self.bounds
+        fitted = copy.copy(self)
+        side = (upper - lower).max()
+        fitted.vertices = (self.vertices - lower) / (side if side > 0 else 1.0)
+        fitted._device_copies = {}
+        return fitted
+
+    @classmethod
+    def from_file(cls, path: str | Path, grid: str | tuple[int, int, int] | None = "auto") -> "Mesh":
+        """Reads any mesh format that trimesh reads (.ply .obj .stl .off ...); several parts become one mesh.
+
+        Raises FileNotFoundError when there is no such file, ValueError when it holds no triangles.
+        """
+        from .mesh_files import read_mesh
+
+        return cls.from_trimesh(read_mesh(path), grid=grid)
+
+    @classmethod
+    def from_trimesh(cls, mesh, grid: str | tuple[int, int, int] | None = "auto") -> "Mesh":
+        """The triangles of a trimesh.Trimesh."""
+        return cls(mesh.vertices, mesh.faces, grid=grid)
+
+    def corners(self) -> np.ndarray:
+        """(F, 3, 3) float64 canonical vertices of each face; a face without area is three equal points."""
+        canonical = self.canonical()
+        corners = ((self.vertices - canonical.center) / canonical.scale)[self.faces]
+        corners[_has_no_area(corners), 1:] = corners[_has_no_area(corners), :1]
+        return corners
+
+    def device_copy(self, real: type, device: wp.Device, has_grid: bool) -> "DeviceMesh":
+        """The mesh on a device, made once for each arithmetic."""
+        key = (real, device.alias, has_grid)
+        if key not in self._device_copies:
+            self._device_copies[key] = DeviceMesh(self, real, device, has_grid)
+        return self._device_copies[key]
+
+
+class DeviceMesh:
+    """Canonical triangles and their grid in device memory."""
+
+    def __init__(self, mesh: Mesh, real: type, device: wp.Device, has_grid: bool):
+        self.face_count = len(mesh.faces)
+        dtype = wp.dtype_to_numpy(real)
+        self.corner = wp.array(mesh.corners().astype(dtype).ravel(), dtype=real, device=device)
+        self.grid: CellLists | None = None
+        if has_grid:
+            canonical = mesh.canonical()
+            pad = PAD_ROUNDINGS * float(np.finfo(wp.dtype_to_numpy(real)).eps) / 2
+            lower, upper = canonical.lower - 2 * pad, canonical.upper + 2 * pad
+            count = mesh.grid or (1, 1, 1)
+            if count == "auto":
+                count = resolution(upper - lower, self.face_count / FACES_PER_CELL)
+            self.grid = build_face_grid(self.corner, lower, upper, count, pad, real)
+
+    def struct(self, real: type):
+        """The mesh as kernels take it."""
+        mesh = mesh_struct(real, self.grid is not None)()
+        mesh.face_count, mesh.corner = self.face_count, self.corner
+        if self.grid is not None:
+            mesh.grid = self.grid.struct
+        return mesh
+
+    @property
+    def bytes(self) -> int:
+        """Device memory in use."""
+        return self.corner.size * wp.types.type_size_in_bytes(self.corner.dtype) + (self.grid.bytes if self.grid else 0)
+
+
+def _rows(value: ArrayLike, width: int, name: str, count: int | None = None) -> np.ndarray:
+    """A read-only (N, width) float64 copy without NaN or infinity, N >= 1."""
+    array = checks.real_array(value, name)
+    if array.ndim != 2 or array.shape[1] != width or array.shape[0] == 0:
+        raise ValueError(f"{name} must have shape (N, {width}) with N >= 1; got {array.shape}")
+    if count is not None and len(array) != count:
+        raise ValueError(f"{name} must have one row per vertex, {count}; got {len(array)}")
+    is_bad = ~np.isfinite(array).all(axis=1)
+    if is_bad.any():
+        i = int(np.argmax(is_bad))
+        raise ValueError(f"{name}[{i}] is not finite; got {array[i].tolist()}")
+    array.setflags(write=False)
+    return array
+
+
+def _face_indices(faces: ArrayLike, vertex_count: int) -> np.ndarray:
+    """A read-only (F, 3) int32 copy, F >= 1, within range."""
+    try:
+        array = np.array(faces)
+    except ValueError:
+        raise ValueError("Mesh faces must have shape (F, 3); the rows given differ in length") from None
+    if array.ndim != 2 or array.shape[1] != 3 or array.shape[0] == 0:
+        raise ValueError(f"Mesh faces must have shape (F, 3) with F >= 1; got {array.shape}")
+    if not np.issubdtype(array.dtype, np.integer):
+        raise ValueError(f"Mesh faces must be integers; got {array.dtype}")
+    is_bad = ((array < 0) | (array >= vertex_count)).any(axis=1)
+    if is_bad.any():
+        i = int(np.argmax(is_bad))
+        raise ValueError(f"Mesh faces[{i}] = {array[i].tolist()} is out of range: there are {vertex_count} vertices")
+    array = array.astype(np.int32)
+    array.setflags(write=False)
+    return array
+
+
+def _grid_choice(grid):
+    """The grid argument, checked."""
+    if grid is None or (isinstance(grid, str) and grid == "auto"):
+        return grid
+    if isinstance(grid, str) or np.shape(grid) != (3,):
+        raise ValueError(f"Mesh grid must be 'auto', None or three cell counts; got {grid!r}")
+    return tuple(checks.positive_integer(n, "Mesh grid cells per axis") for n in grid)
+
+
+def _has_no_area(corners: np.ndarray) -> np.ndarray:
+    """(F,) bool: the cross product of two edges is no larger than its rounding error."""
+    e1, e2 = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    # Four roundings each: of two edges, of a product, of the difference.
+    error = 4 * np.finfo(np.float64).eps * np.abs(e1).max(axis=1) * np.abs(e2).max(axis=1)
+    return np.abs(np.cross(e1, e2)).max(axis=1) <= error

@@ -1,0 +1,177 @@
+"""All placements of a scene as arrays, and the grid through which rays find them."""
+
+import numpy as np
+import warp as wp
+from warprt.kernels.spec import ShapeKind
+
+from .grid import CellLists, build_box_grid, resolution
+from .scene import Instance, Scene
+from .transform import affine, inverse_linear
+from .typing import ArrayLike
+
+CELLS_PER_INSTANCE = 2.0
+"""Cells of the grid over instances, for each of them."""
+FEWEST_LISTED = 16
+"""With fewer bounded instances than this, testing each is as fast as a grid."""
+MOST_LOOSE = 16
+"""How many large instances may be kept out of the grid and tested by every ray."""
+GRID_PAD = 2.0**-26
+"""Widening of world bounds, relative to the extent of all: covers the rounding of rays within REACH extents."""
+REACH = 2.0**21
+"""GRID_PAD / (64 roundings of float64)."""
+
+
+class Placements:
+    """Instances in scene order: x_world = A x_canonical + origin, in float64."""
+
+    def __init__(self, scene: Scene, shapes: list, canonicals: list, shape_pad: float, device: wp.Device, grid: bool):
+        self.device = device
+        self._is_grid_wanted = grid
+        self._shape_pad = shape_pad
+        self._canonicals = canonicals
+        number = {id(shape): k for k, shape in enumerate(shapes)}
+        counts = [1 if isinstance(item, Instance) else len(item) for item in scene.objects]
+        self.shape = np.repeat([number[id(item.shape)] for item in scene.objects], counts).astype(np.int32)
+        self.count = len(self.shape)
+        kinds = np.array([int(shape.kind) for shape in shapes], dtype=np.int32)
+        self._kind = kinds[self.shape]
+        # Of the shape as the user gave it, before its canonical centre and scale are folded in.
+        self.world_from_local = np.concatenate([np.empty((0, 4, 4)), *(_matrices(item) for item in scene.objects)])
+        self.local_from_world = np.concatenate([np.empty((0, 3, 3)), *(_inverses(item) for item in scene.objects)])
+        self._update()
+
+    def move(self, first: int, world_from_local: ArrayLike) -> None:
+        """Gives new matrices to consecutive instances; see `Tracer.set_transforms`."""
+        matrices = affine(world_from_local, "world_from_local")
+        matrices = matrices[None] if matrices.ndim == 2 else matrices
+        if matrices.ndim != 3 or first < 0 or first + len(matrices) > self.count:
+            raise ValueError(
+                f"world_from_local has shape {matrices.shape}: from instance {first} on there are "
+                f"{max(0, self.count - first)} instances"
+            )
+        rows = slice(first, first + len(matrices))
+        self.local_from_world[rows] = inverse_linear(matrices[:, :3, :3], "world_from_local")
+        self.world_from_local[rows] = matrices
+        self._update()
+
+    @property
+    def has_grid(self) -> bool:
+        """Whether instances are found through a grid."""
+        return self.lists is not None
+
+    @property
+    def bytes(self) -> int:
+        """Device memory in use."""
+        arrays = sum(a.capacity for a in self._arrays.values())
+        return arrays + (self.lists.bytes if self.lists else 0)
+
+    def struct(self, struct_type):
+        """The placements as kernels take them."""
+        instances = struct_type()
+        instances.count, instances.loose_count = self.count, self.loose_count
+        for name, array in self._arrays.items():
+            setattr(instances, name, array)
+        if self.lists:
+            instances.grid = self.lists.struct
+            instances.center = self._center
+            instances.reach = self._reach
+        return instances
+
+    def _update(self) -> None:
+        """Everything that follows from the matrices."""
+        center = np.array([c.center for c in self._canonicals]).reshape(-1, 3)[self.shape]
+        scale = np.array([c.scale for c in self._canonicals]).reshape(-1)[self.shape]
+        given = self.world_from_local[:, :3, :3]
+        origin = np.einsum("nij,nj->ni", given, center) + self.world_from_local[:, :3, 3]
+        linear = given * scale[:, None, None]
+        inverse = self.local_from_world / scale[:, None, None]
+        for values in (linear, inverse, origin):
+            _require_range(values)
+        self.canonical_linear, self.canonical_origin = linear, origin
+        self._arrays = {
+            "shape": wp.array(self.shape, dtype=wp.int32, device=self.device),
+            "world_from_local": wp.array(linear, dtype=wp.mat33d, device=self.device),
+            "local_from_world": wp.array(inverse, dtype=wp.mat33d, device=self.device),
+            "origin": wp.array(origin, dtype=wp.vec3d, device=self.device),
+        }
+        self.lower, self.upper = self._world_bounds(linear, origin)
+        self._list()
+
+    def _world_bounds(self, linear: np.ndarray, origin: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(N, 3) corners of padded world bounds; infinite for planes."""
+        lower = np.array([c.lower for c in self._canonicals]).reshape(-1, 3)[self.shape] - self._shape_pad
+        upper = np.array([c.upper for c in self._canonicals]).reshape(-1, 3)[self.shape] + self._shape_pad
+        center = np.einsum("nij,nj->ni", linear, (lower + upper) / 2) + origin
+        half = np.einsum("nij,nj->ni", np.abs(linear), (upper - lower) / 2)
+        is_sphere = self._kind == int(ShapeKind.SPHERE)
+        # An ellipsoid reaches as far as the rows of its matrix are long, times the radius.
+        half[is_sphere] = np.linalg.norm(linear[is_sphere], axis=2) * upper[is_sphere, :1]
+        half *= 1 + 1e-12
+        half[self._kind == int(ShapeKind.PLANE)] = np.inf
+        return center - half, center + half
+
+    def bounds(self) -> tuple[np.ndarray, np.ndarray] | None:
+        """(lower, upper) corners of all bounded instances, or None if there are none."""
+        is_bounded = np.isfinite(self.lower[:, 0])
+        if not is_bounded.any():
+            return None
+        return self.lower[is_bounded].min(axis=0), self.upper[is_bounded].max(axis=0)
+
+    def _list(self) -> None:
+        """Chooses what the grid lists, and builds it."""
+        self.lists: CellLists | None = None
+        listed = np.flatnonzero(np.isfinite(self.lower[:, 0]))
+        is_worth_it = self._is_grid_wanted and len(listed) >= FEWEST_LISTED
+        if is_worth_it:
+            listed = self._without_large(listed)
+        loose = np.setdiff1d(np.arange(self.count), listed) if is_worth_it else np.arange(self.count)
+        self.loose_count = len(loose)
+        order = np.concatenate([loose, listed]) if is_worth_it else loose
+        self._arrays["order"] = wp.array(order.astype(np.int32), dtype=wp.int32, device=self.device)
+        if is_worth_it:
+            self._build(listed)
+
+    def _without_large(self, listed: np.ndarray) -> np.ndarray:
+        """Leaves out the few instances that fill a good part of all cells, such as a ground box under a forest."""
+        for _ in range(4):
+            lower, upper = self.lower[listed], self.upper[listed]
+            extent = upper.max(axis=0) - lower.min(axis=0)
+            count = np.array(resolution(extent, CELLS_PER_INSTANCE * len(listed)))
+            spanned = np.ceil((upper - lower) / np.where(extent > 0, extent, 1) * count).clip(1, count).prod(axis=1)
+            is_large = spanned > max(64.0, count.prod() / 64)
+            room = MOST_LOOSE - (len(self.lower) - len(listed) - np.isinf(self.lower[:, 0]).sum())
+            if not is_large.any() or is_large.sum() > room or len(listed) - is_large.sum() < FEWEST_LISTED:
+                return listed
+            listed = listed[~is_large]
+        return listed
+
+    def _build(self, listed: np.ndarray) -> None:
+        lower, upper = self.lower[listed].min(axis=0), self.upper[listed].max(axis=0)
+        extent = upper - lower
+        pad = GRID_PAD * extent.max()
+        self._center, self._reach = lower / 2 + upper / 2, REACH * extent.max()
+        boxes = [
+            wp.array(bound - self._center + sign * pad, dtype=wp.vec3d, device=self.device)
+            for bound, sign in ((self.lower, -1), (self.upper, 1))
+        ]
+        self._arrays["lower"], self._arrays["upper"] = boxes
+        ids = wp.array(listed.astype(np.int32), dtype=wp.int32, device=self.device)
+        lo, hi = lower - self._center - 4 * pad, upper - self._center + 4 * pad
+        count = resolution(hi - lo, CELLS_PER_INSTANCE * len(listed))
+        self.lists = build_box_grid(*boxes, ids, lo, hi, count)
+
+
+def _matrices(item) -> np.ndarray:
+    return item.transform.world_from_local[None] if isinstance(item, Instance) else item.world_from_local
+
+
+def _inverses(item) -> np.ndarray:
+    return item.transform.local_from_world[None, :3, :3] if isinstance(item, Instance) else item.local_from_world
+
+
+def _require_range(values: np.ndarray) -> None:
+    """ValueError where a shape under its transform leaves the range in which nothing overflows."""
+    is_bad = ~(np.abs(values) < 1e150).reshape(len(values), -1).all(axis=1)
+    if is_bad.any():
+        i = int(np.argmax(is_bad))
+        raise ValueError(f"instance {i} is too large, too small or too far away for float64: {values[i].tolist()}")

@@ -1,0 +1,127 @@
+"""What the user describes: shapes placed in the world, lights, a camera, a background."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from typing import TypeAlias
+
+import numpy as np
+
+from . import checks
+from .camera import Camera
+from .lights import AmbientLight, DirectionalLight, GradientSky, PointLight
+from .materials import Material
+from .mesh import Mesh
+from .shapes import Box, Plane, Sphere
+from .transform import affine, as_transform, inverse_linear
+from .typing import ArrayLike, Placement
+
+Shape: TypeAlias = Sphere | Box | Plane | Mesh
+SHAPES = (Sphere, Box, Plane, Mesh)
+LIGHTS = (AmbientLight, PointLight, DirectionalLight)
+
+
+@dataclass(frozen=True, eq=False)
+class Instance:
+    """A shape placed in the world. Many instances share one shape, so a placement costs one matrix."""
+
+    shape: Shape
+    transform: Placement = None
+    """Any rotation, scale, shear or mirror, but not singular; None leaves the shape where it is."""
+    material: Material | None = None
+
+    def __post_init__(self):
+        _require(self.shape, SHAPES, "Instance shape")
+        object.__setattr__(self, "transform", as_transform(self.transform))
+        if self.material is not None:
+            _require(self.material, (Material,), "Instance material")
+
+
+@dataclass(frozen=True, eq=False)
+class Instances:
+    """Many placements of one shape, as one array.
+
+    world_from_local: (N, 4, 4) affine matrices. materials: one Material or several; material_index: (N,) integers
+    that choose among them, all 0 by default. Raises ValueError that names the first matrix that is not affine,
+    finite and regular.
+    """
+
+    shape: Shape
+    world_from_local: ArrayLike
+    materials: Material | Sequence[Material] | None = None
+    material_index: ArrayLike | None = None
+    local_from_world: np.ndarray = field(init=False, repr=False)
+
+    def __post_init__(self):
+        _require(self.shape, SHAPES, "Instances shape")
+        matrices = affine(self.world_from_local, "Instances world_from_local")
+        if matrices.ndim != 3:
+            raise ValueError(f"Instances world_from_local must have shape (N, 4, 4); got {matrices.shape}")
+        object.__setattr__(self, "world_from_local", matrices)
+        inverse = inverse_linear(matrices[:, :3, :3], "Instances world_from_local")
+        object.__setattr__(self, "local_from_world", inverse)
+        materials = self.materials if self.materials is not None else Material()
+        materials = (materials,) if isinstance(materials, Material) else tuple(materials)
+        for material in materials:
+            _require(material, (Material,), "Instances materials")
+        object.__setattr__(self, "materials", materials)
+        object.__setattr__(self, "material_index", self._checked_index())
+
+    def _checked_index(self) -> np.ndarray:
+        count = len(self.world_from_local)
+        index = np.zeros(count, np.int32) if self.material_index is None else np.asarray(self.material_index)
+        if index.shape != (count,) or not np.issubdtype(index.dtype, np.integer):
+            raise ValueError(f"Instances material_index must be {count} integers; got {index.dtype} {index.shape}")
+        if count and (index.min() < 0 or index.max() >= len(self.materials)):
+            raise ValueError(f"Instances material_index must lie in 0 .. {len(self.materials) - 1}")
+        return index.astype(np.int32)
+
+    def __len__(self) -> int:
+        return len(self.world_from_local)
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """All there is to see. Instance ids count placements in the order of `objects`; an empty scene is legal."""
+
+    objects: Iterable[Instance | Instances | Shape] = ()
+    """A bare shape stands for one instance of it, where it is, in the default material."""
+    lights: Iterable[AmbientLight | PointLight | DirectionalLight] = ()
+    camera: Camera | None = None
+    """None: a camera that sees all bounded shapes is chosen when one is needed."""
+    background: ArrayLike | GradientSky = (0.0, 0.0, 0.0)
+    """Linear RGB, or a sky."""
+
+    def __post_init__(self):
+        objects = []
+        for k, item in enumerate(_sequence(self.objects, "Scene objects")):
+            item = Instance(item) if isinstance(item, SHAPES) else item
+            _require(item, (Instance, Instances), f"Scene objects[{k}]")
+            objects.append(item)
+        object.__setattr__(self, "objects", tuple(objects))
+        object.__setattr__(self, "lights", tuple(_sequence(self.lights, "Scene lights")))
+        for k, light in enumerate(self.lights):
+            _require(light, LIGHTS, f"Scene lights[{k}]")
+        if self.camera is not None:
+            _require(self.camera, (Camera,), "Scene camera")
+        if not isinstance(self.background, GradientSky):
+            object.__setattr__(self, "background", checks.color(self.background, "Scene background"))
+
+    @property
+    def instance_count(self) -> int:
+        """How many placements there are."""
+        return sum(len(item) if isinstance(item, Instances) else 1 for item in self.objects)
+
+
+def _require(value, types: tuple[type, ...], name: str) -> None:
+    if not isinstance(value, types):
+        expected = " or ".join(t.__name__ for t in types)
+        raise ValueError(f"{name} must be {expected}; got {type(value).__name__}")
+
+
+def _sequence(value, name: str) -> list:
+    try:
+        return list(value)
+    except TypeError:
+        raise ValueError(f"{name} must be a list; got {type(value).__name__}") from None
+
+

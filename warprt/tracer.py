@@ -1,0 +1,227 @@
+"""The tracer: a scene on a device, ready to answer rays and to make pictures."""
+
+import math
+from collections.abc import Callable, Iterable
+
+import numpy as np
+import warp as wp
+from warprt.kernels.cast import make_cast, make_occluded, make_spawn
+from warprt.kernels.render import make_render
+from warprt.kernels.structs import hit_arrays_struct, instances_struct
+
+from . import checks
+from .assemble import assemble, assemble_look
+from .camera import Camera
+from .hits import BRIEF, Hits, field_names, field_types, numpy_field
+from .image import Image, output_names
+from .launch import checked_threads, default_threads, launch
+from .rays import Rays, as_rays
+from .scene import Scene
+from .typing import Array, ArrayLike
+from .walk import CellWalk, walk_cells
+
+TIERS = {"robust": wp.float32, "double": wp.float64}
+"""Arithmetic inside meshes, and type of results, for each accuracy."""
+ACCELERATORS = ("grid", "none")
+TILE_RAYS = 1 << 17
+"""Camera rays between two reports of progress."""
+
+
+def as_device(device: str | wp.Device | None) -> wp.Device:
+    """The device of that name, Warp's current one for None, or a ValueError that lists what there is."""
+    try:
+        return wp.get_device(device)
+    except (ValueError, RuntimeError):
+        names = ", ".join(d.alias for d in wp.get_devices())
+        raise ValueError(f"device {device!r} is not available here; there is {names}") from None
+
+
+def _choice(value: str, choices: Iterable[str], name: str) -> str:
+    if value not in choices:
+        raise ValueError(f"{name} must be one of {', '.join(choices)}; got {value!r}")
+    return value
+
+
+class Tracer:
+    """A scene on a device.
+
+    accuracy: "robust" (float32, float64 where that cancels, watertight) or "double" (float64 throughout).
+    device: a Warp device or its name; None is Warp's current device. accelerator: "grid", or "none" to test every
+    primitive. threads: CPU threads, by default WARPRT_THREADS or all cores; results do not depend on them.
+
+    Raises ValueError for an unknown accuracy, accelerator or device, MemoryError for grids that do not fit.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        accuracy: str = "robust",
+        device: str | wp.Device | None = None,
+        accelerator: str = "grid",
+        threads: int | None = None,
+    ):
+        if not isinstance(scene, Scene):
+            raise ValueError(f"Tracer needs a Scene; got {type(scene).__name__}")
+        self.scene = scene
+        self.accuracy = _choice(accuracy, TIERS, "accuracy")
+        self.accelerator = _choice(accelerator, ACCELERATORS, "accelerator")
+        self.device = as_device(device)
+        self.threads = default_threads() if threads is None else checked_threads(threads)
+        self._real = TIERS[accuracy]
+        self._device_scene = assemble(scene, self._real, self.device, accelerator == "grid")
+        self._look: tuple | None = None
+
+    def __repr__(self) -> str:
+        return f"Tracer({self.scene.instance_count} instances, {self.accuracy}, {self.device.alias})"
+
+    @property
+    def bytes(self) -> int:
+        """Device memory of the geometry: shapes, grids and placements."""
+        return self._device_scene.bytes
+
+    def cast(
+        self,
+        origins: ArrayLike | wp.array,
+        directions: ArrayLike | wp.array,
+        t_min: float | Array = 0.0,
+        t_max: float | Array = math.inf,
+        outputs: str | Iterable[str] = "all",
+    ) -> Hits:
+        """The closest hit of each ray o + t d with t_min <= t < t_max.
+
+        origins, directions: (..., 3) numbers of any leading shape, which broadcast, or Warp arrays of vec3 or vec3d
+        on the tracer's device; d need not be unit. Limits are one number or one per ray. outputs: "all" or names of
+        `Hits` fields; only those are computed and stored. Rays that are none (NaN, zero direction) miss.
+
+        Raises ValueError for wrong shapes, types or devices, and for sizes outside 1e-100 .. 1e100.
+        """
+        names = field_names(outputs)
+        rays = as_rays(origins, directions, t_min, t_max, self.device)
+        arrays = hit_arrays_struct(self._real)()
+        fields = {}
+        for name in names:
+            fields[name] = wp.empty(rays.count, dtype=field_types(self._real)[name], device=self.device)
+            setattr(arrays, name, fields[name])
+        kernel = make_cast(self._device_scene.spec, not set(names) <= set(BRIEF))
+        self._launch(kernel, rays, [arrays])
+        return Hits({name: self._result(array, rays) for name, array in fields.items()}, rays, self)
+
+    def occluded(
+        self,
+        origins: ArrayLike | wp.array,
+        directions: ArrayLike | wp.array,
+        t_min: float | Array = 0.0,
+        t_max: float | Array = math.inf,
+    ) -> Array:
+        """(...) bool: whether each ray meets anything with t_min <= t < t_max. Arguments as for `cast`."""
+        rays = as_rays(origins, directions, t_min, t_max, self.device)
+        is_occluded = wp.empty(rays.count, dtype=wp.bool, device=self.device)
+        self._launch(make_occluded(self._device_scene.spec), rays, [is_occluded])
+        return self._result(is_occluded, rays)
+
+    def walk(self, origin: ArrayLike, direction: ArrayLike) -> CellWalk:
+        """The cells of mesh grids that one ray pierces up to its hit, instance by instance, in order."""
+        return walk_cells(self, checks.vector(origin, "origin"), checks.vector(direction, "direction"))
+
+    def set_transforms(self, first_instance: int, world_from_local: ArrayLike) -> None:
+        """Gives new (N, 4, 4) matrices to instances first_instance .. first_instance + N - 1.
+
+        Meshes and their grids stay as they are; the grid over instances is built again. Raises ValueError, and
+        changes nothing, if a matrix is singular, not finite or not affine.
+        """
+        placements = self._device_scene.placements
+        placements.move(first_instance, world_from_local)
+        self._device_scene.struct.instances = placements.struct(instances_struct(placements.has_grid))
+
+    def render(
+        self,
+        camera: Camera | None = None,
+        size: tuple[int, int] = (640, 480),
+        samples: int = 1,
+        max_bounces: int = 8,
+        outputs: str | Iterable[str] = ("color",),
+        progress: Callable[[int, int], None] | None = None,
+    ) -> Image:
+        """A picture of (width, height) pixels.
+
+        camera: by default the scene's, or else one that sees everything. samples: rays per pixel. max_bounces:
+        mirror reflections that are followed. outputs: names of `Image` arrays; all but colour describe what lies
+        at the pixel's centre. progress(done, total) is called now and then with counts of camera rays.
+
+        Raises ValueError for sizes and counts that are not integers of at least 1 (max_bounces: 0).
+        """
+        width, height = self._checked_size(size)
+        samples = checks.positive_integer(samples, "samples")
+        if isinstance(max_bounces, bool) or not isinstance(max_bounces, (int, np.integer)) or max_bounces < 0:
+            raise ValueError(f"max_bounces must be an integer of at least 0; got {max_bounces!r}")
+        names = output_names(outputs)
+        camera = camera or self.scene.camera or self.framing_camera()
+        arrays: dict[str, np.ndarray] = {}
+        if "color" in names:
+            arrays["color"] = self._render_color(camera, width, height, samples, int(max_bounces), progress)
+        if set(names) - {"color"}:
+            arrays |= self._render_fields(camera, width, height, [name for name in names if name != "color"])
+        return Image({name: arrays[name] for name in names})
+
+    def framing_camera(self) -> Camera:
+        """A camera that sees all bounded shapes."""
+        bounds = self._device_scene.placements.bounds()
+        return Camera.framing(*(bounds or (np.full(3, -1.0), np.full(3, 1.0))))
+
+    def compile_render(self) -> None:
+        """Compiles, or loads from the cache, the kernel that `render` needs; it does so itself when it must."""
+        self._render_kernel().module.load(self.device)
+
+    def _render_kernel(self) -> wp.Kernel:
+        if self._look is None:
+            self._look = assemble_look(self.scene, self._device_scene.spec, self.device)
+        return make_render(self._look[0])
+
+    def _render_color(self, camera, width, height, samples, max_bounces, progress) -> np.ndarray:
+        kernel = self._render_kernel()
+        color = wp.empty(width * height, dtype=wp.vec3f, device=self.device)
+        inputs = [self._device_scene.struct, self._look[1], camera.struct(width, height), samples, max_bounces, color]
+        tile = width * height if progress is None else max(1, TILE_RAYS // samples)
+        for first in range(0, width * height, tile):
+            count = min(tile, width * height - first)
+            launch(kernel, count, inputs, self.device, self.threads, first)
+            if progress is not None:
+                wp.synchronize_device(self.device)
+                progress((first + count) * samples, width * height * samples)
+        return color.numpy().reshape(height, width, 3)
+
+    def _render_fields(self, camera, width, height, names) -> dict[str, np.ndarray]:
+        fields = {"depth": "t"}
+        hits = self.cast(*camera.rays(width, height), outputs=[fields.get(name, name) for name in names])
+        return {name: getattr(hits, fields.get(name, name)) for name in names}
+
+    @staticmethod
+    def _checked_size(size) -> tuple[int, int]:
+        try:
+            width, height = size
+        except (TypeError, ValueError):
+            raise ValueError(f"size must be (width, height); got {size!r}") from None
+        return checks.positive_integer(width, "width"), checks.positive_integer(height, "height")
+
+    def _launch(self, kernel: wp.Kernel, rays: Rays, arguments: list) -> None:
+        inputs = [self._device_scene.struct, rays.struct, *arguments]
+        launch(kernel, rays.count, inputs, self.device, self.threads)
+
+    def _result(self, array: wp.array, rays: Rays) -> Array:
+        return array.reshape(rays.shape) if rays.is_device_array else numpy_field(array, rays.shape)
+
+    def _spawn(self, rays: Rays, directions) -> tuple[Array, Array]:
+        if isinstance(directions, wp.array):
+            if directions.shape != rays.shape or directions.dtype not in (wp.vec3f, wp.vec3d):
+                raise ValueError(f"directions must be vec3 or vec3d of shape {rays.shape}; got {directions.shape}")
+            wide = wp.empty(rays.count, dtype=wp.vec3d, device=self.device)
+            wp.utils.array_cast(directions.flatten(), wide)
+        else:
+            try:
+                spread = np.broadcast_to(checks.real_array(directions, "directions"), (*rays.shape, 3))
+            except ValueError:
+                raise ValueError(f"directions must have shape {(*rays.shape, 3)}; got {np.shape(directions)}") from None
+            wide = wp.array(np.ascontiguousarray(spread).reshape(-1, 3), dtype=wp.vec3d, device=self.device)
+        origins = wp.empty(rays.count, dtype=wp.vec3d, device=self.device)
+        self._launch(make_spawn(self._device_scene.spec), rays, [wide, origins])
+        return self._result(origins, rays), self._result(wide, rays)

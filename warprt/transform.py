@@ -1,0 +1,162 @@
+"""Affine placements of shapes, composed step by step together with their inverse."""
+
+import math
+
+import numpy as np
+
+from . import checks
+from .typing import ArrayLike, Placement
+
+
+def affine(matrix: ArrayLike, name: str) -> np.ndarray:
+    """The value as affine (..., 4, 4) float64 matrices, or a ValueError that names the first one that is not."""
+    array = checks.real_array(matrix, name)
+    if array.shape[-2:] != (4, 4):
+        raise ValueError(f"{name} must be (4, 4) matrices; got shape {array.shape}")
+    flat = array.reshape(-1, 4, 4)
+    for fault, is_bad in (
+        ("is not finite", ~np.isfinite(flat).all(axis=(1, 2))),
+        ("is projective: its last row must be (0, 0, 0, 1)", (flat[:, 3] != (0, 0, 0, 1)).any(axis=1)),
+    ):
+        raise_first(is_bad, flat, name, fault, array.ndim > 2)
+    return array
+
+
+def raise_first(is_bad: np.ndarray, flat: np.ndarray, name: str, fault: str, is_many: bool) -> None:
+    """Raises for the first of some matrices that has a fault."""
+    if is_bad.any():
+        i = int(np.argmax(is_bad))
+        raise ValueError(f"{name}{f'[{i}]' if is_many else ''} {fault}; got {flat[i].tolist()}")
+
+
+def inverse_linear(linear: np.ndarray, name: str) -> np.ndarray:
+    """The inverses of (N, 3, 3) matrices, or a ValueError that names the first singular one.
+
+    A matrix counts as singular when scaling its rows or its columns cannot bring its condition number below
+    1 / (8 u), u = 2^-53 (Skeel's condition number): stretching by 1e-100 along an axis is fine.
+    """
+    # Scaled by powers of two, so that neither determinants nor products leave the range of float64.
+    _, exponent = np.frexp(np.abs(linear).max(axis=(1, 2), initial=0))
+    scaled = np.ldexp(linear, -exponent[:, None, None])
+    with np.errstate(all="ignore"):
+        try:
+            inverse = np.linalg.inv(scaled)
+        except np.linalg.LinAlgError:
+            is_regular = np.linalg.det(scaled) != 0
+            inverse = np.full_like(scaled, np.nan)
+            inverse[is_regular] = np.linalg.inv(scaled[is_regular])
+        size, inverse_size = np.abs(scaled), np.abs(inverse)
+        by_rows = (inverse_size @ size).sum(axis=2).max(axis=1, initial=0)
+        by_columns = (size @ inverse_size).sum(axis=2).max(axis=1, initial=0)
+        inverse = np.ldexp(inverse, -exponent[:, None, None])
+        is_singular = ~(np.minimum(by_rows, by_columns) < 2.0**50) | ~np.isfinite(inverse).all(axis=(1, 2))
+    raise_first(is_singular, linear, name, "is singular", True)
+    return inverse
+
+
+class Transform:
+    """An affine placement v' = M v, immutable; each step acts after the ones before it, as in v' = T R S v.
+
+    The inverse is composed from the inverses of the steps, on the right: M^-1 = S^-1 R^-1 T^-1 (geometry
+    instancing handout, section 4).
+    """
+
+    world_from_local: np.ndarray
+    """(4, 4) float64."""
+    local_from_world: np.ndarray
+    """(4, 4) float64, the inverse."""
+
+    def __init__(self, world_from_local: ArrayLike | None = None):
+        if world_from_local is None:
+            self._set(np.eye(4), np.eye(4))
+            return
+        matrix = affine(world_from_local, "transform")
+        if matrix.ndim != 2:
+            raise ValueError(f"transform must be one (4, 4) matrix; got shape {matrix.shape}")
+        inverse = np.eye(4)
+        try:
+            inverse[:3, :3] = inverse_linear(matrix[None, :3, :3], "transform")[0]
+        except ValueError:
+            raise ValueError(f"transform is singular; got {matrix.tolist()}") from None
+        inverse[:3, 3] = -inverse[:3, :3] @ matrix[:3, 3]
+        self._set(matrix, inverse)
+
+    def _set(self, matrix: np.ndarray, inverse: np.ndarray) -> None:
+        matrix.setflags(write=False)
+        inverse.setflags(write=False)
+        object.__setattr__(self, "world_from_local", matrix)
+        object.__setattr__(self, "local_from_world", inverse)
+
+    def __setattr__(self, name, value):
+        raise AttributeError("a Transform does not change; its methods return a new one")
+
+    def __repr__(self) -> str:
+        return f"Transform({self.world_from_local.tolist()})"
+
+    def __eq__(self, other) -> bool:
+        return isinstance(other, Transform) and np.array_equal(self.world_from_local, other.world_from_local)
+
+    def __hash__(self) -> int:
+        return hash(self.world_from_local.tobytes())
+
+    def __reduce__(self):
+        return _restore, (self.world_from_local, self.local_from_world)
+
+    def _then(self, step: np.ndarray, inverse: np.ndarray) -> "Transform":
+        return _restore(step @ self.world_from_local, self.local_from_world @ inverse)
+
+    def translate(self, *offset: float | ArrayLike) -> "Transform":
+        """Then moves by (x, y, z), given as three numbers or one 3-vector, in scene units."""
+        step, inverse = np.eye(4), np.eye(4)
+        step[:3, 3] = _three(offset, "translation")
+        inverse[:3, 3] = -step[:3, 3]
+        return self._then(step, inverse)
+
+    def scale(self, *factors: float | ArrayLike) -> "Transform":
+        """Then scales by (sx, sy, sz), given as one factor, three, or one 3-vector. A zero factor is an error."""
+        if len(factors) == 1 and np.ndim(factors[0]) == 0:
+            factors = factors * 3
+        factor = _three(factors, "scale")
+        if (factor == 0).any() or not np.isfinite(1 / factor).all():
+            raise ValueError(f"scale factors must not be zero; got {factor.tolist()}")
+        return self._then(np.diag([*factor, 1.0]), np.diag([*(1 / factor), 1.0]))
+
+    def rotate(self, angle_deg: float, *axis: float | ArrayLike) -> "Transform":
+        """Then turns by an angle in degrees about an axis through the origin, which need not be unit (Rodrigues)."""
+        x, y, z = checks.direction(_three(axis, "rotation axis"), "rotation axis")
+        angle = math.radians(math.remainder(checks.number(angle_deg, "angle_deg"), 360))
+        cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+        step = np.eye(4)
+        step[:3, :3] += math.sin(angle) * cross + 2 * math.sin(angle / 2) ** 2 * (cross @ cross)
+        return self._then(step, step.T.copy())
+
+    def transform(self, matrix: ArrayLike) -> "Transform":
+        """Then applies an affine (4, 4) matrix, row-major as NumPy arrays are. A singular one is an error."""
+        step = Transform(matrix)
+        return self._then(step.world_from_local, step.local_from_world)
+
+    @classmethod
+    def from_columns(cls, c0: ArrayLike, c1: ArrayLike, c2: ArrayLike, c3: ArrayLike) -> "Transform":
+        """The placement whose matrix has these four columns of four numbers, column-major as in the handout."""
+        columns = [checks.finite_array(c, (4,), f"column {k}") for k, c in enumerate((c0, c1, c2, c3))]
+        return cls(np.stack(columns, axis=1))
+
+
+def _restore(matrix: np.ndarray, inverse: np.ndarray) -> Transform:
+    if not (np.isfinite(matrix).all() and np.isfinite(inverse).all()):
+        raise ValueError("the composed transform leaves the range of float64")
+    transform = Transform.__new__(Transform)
+    transform._set(np.array(matrix), np.array(inverse))
+    return transform
+
+
+def _three(values: tuple, name: str) -> np.ndarray:
+    """Three numbers, given as such or as one vector."""
+    return checks.vector(values[0] if len(values) == 1 else values, name)
+
+
+def as_transform(placement: Placement) -> Transform:
+    """A Transform from whatever may stand for one."""
+    if isinstance(placement, Transform):
+        return placement
+    return Transform(placement)

@@ -1,0 +1,82 @@
+"""Which cells of mesh grids a ray pierces: the debugging aid of the uniform-grid handout."""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+import warp as wp
+from warprt.kernels.structs import trail_struct
+from warprt.kernels.walk import make_walk_cells
+
+if TYPE_CHECKING:
+    from .tracer import Tracer
+
+
+@dataclass(frozen=True, eq=False)
+class CellWalk:
+    """The cells that a ray pierces up to its hit, sorted by where it enters them. n cells in all."""
+
+    instance_id: np.ndarray
+    """(n,) int32: the instance whose grid the cell belongs to."""
+    cell: np.ndarray
+    """(n, 3) int32: index along x, y, z of that grid."""
+    t_enter: np.ndarray
+    """(n,) float64: ray parameter."""
+    t_exit: np.ndarray
+    """(n,) float64: ray parameter."""
+    candidates: np.ndarray
+    """(n,) int32: how many triangles the cell lists."""
+    visited: np.ndarray
+    """(n,) bool: whether the traversal looks at the cell, or jumps over it."""
+    corners: np.ndarray
+    """(n, 8, 3) float64: corners in world space, the index along z running fastest."""
+
+    def __len__(self) -> int:
+        return len(self.cell)
+
+
+def walk_cells(tracer: "Tracer", origin: np.ndarray, direction: np.ndarray) -> CellWalk:
+    """The cells that the ray o + t d, t >= 0, pierces up to its closest hit."""
+    scene, device = tracer._device_scene, tracer.device
+    count = scene.placements.count
+    if not (scene.spec.has_mesh and scene.spec.mesh_grid) or not direction.any():
+        return _empty()
+    t_max = float(tracer.cast(origin, direction, outputs="t").t)
+    kernel, trail = make_walk_cells(scene.spec), trail_struct()()
+    first = wp.zeros(count, dtype=wp.int32, device=device)
+    counts = wp.empty(count, dtype=wp.int32, device=device)
+    ray = [scene.struct, wp.vec3d(*origin), wp.vec3d(*direction), wp.float64(t_max)]
+    wp.launch(kernel, dim=count, inputs=[*ray, first, trail, counts], device=device)
+    lengths = counts.numpy().copy()
+    total = int(lengths.sum())
+    if total == 0:
+        return _empty()
+    first.assign((np.cumsum(lengths) - lengths).astype(np.int32))
+    types = {"cell": wp.vec3i, "t_enter": wp.float64, "t_exit": wp.float64, "candidates": wp.int32}
+    for name, dtype in types.items():
+        setattr(trail, name, wp.empty(total, dtype=dtype, device=device))
+    wp.launch(kernel, dim=count, inputs=[*ray, first, trail, counts], device=device)
+    found = {name: getattr(trail, name).numpy() for name in types}
+    found["instance_id"] = np.repeat(np.arange(count, dtype=np.int32), lengths)
+    order = np.argsort(found["t_enter"], kind="stable")
+    found = {name: values[order] for name, values in found.items()}
+    corners = _corners(scene, found["instance_id"], found["cell"])
+    return CellWalk(**found, visited=np.ones(total, dtype=bool), corners=corners)
+
+
+def _empty() -> CellWalk:
+    none = np.zeros(0, np.int32)
+    return CellWalk(
+        none, np.zeros((0, 3), np.int32), none.astype(float), none.astype(float), none, none > 0, np.zeros((0, 8, 3))
+    )
+
+
+def _corners(scene, instance_id: np.ndarray, cell: np.ndarray) -> np.ndarray:
+    """(n, 8, 3) world corners of cells."""
+    placements = scene.placements
+    steps = np.stack(np.meshgrid([0, 1], [0, 1], [0, 1], indexing="ij"), axis=-1).reshape(8, 3)
+    lo, size = (np.array([getattr(grid, name) for grid in scene.grids()]) for name in ("lo", "cell"))
+    mesh = scene.mesh_number[placements.shape[instance_id]]
+    local = lo[mesh][:, None] + (cell[:, None] + steps) * size[mesh][:, None]
+    linear, origin = placements.canonical_linear[instance_id], placements.canonical_origin[instance_id]
+    return np.einsum("nij,nkj->nki", linear, local) + origin[:, None]
