@@ -17,7 +17,7 @@ def root_plane(o: Vec3, d: Vec3, n: Vec3):
 
 @wp.func
 def hit_plane(o: Vec3, d: Vec3, n: Vec3, t_min: Real, t_max: Real):
-    """t with t_min <= t < t_max on the plane, or t_max."""
+    """T with t_min <= t < t_max on the plane, or t_max."""
     is_hit, t = root_plane(o, d, n)
     if is_hit and t >= t_min and t < t_max:
         return t

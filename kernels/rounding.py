@@ -12,7 +12,7 @@ def unit_roundoff(x: wp.float32):
 
 
 @wp.func
-def unit_roundoff(x: wp.float64):  # noqa: F811  an overload, chosen by type
+def unit_roundoff(x: wp.float64):
     """2^-53, formed from exact float32 factors because literals of a kernel are float32."""
     return wp.float64(1.862645149230957e-09) * wp.float64(5.9604644775390625e-08)
 
@@ -25,7 +25,7 @@ def power_of_two_below(x: wp.float32):
 
 
 @wp.func
-def power_of_two_below(x: wp.float64):  # noqa: F811
+def power_of_two_below(x: wp.float64):
     """2^-k with x 2^-k in [1, 2), for a positive normal x: scaling by it never rounds."""
     exponent = (wp.cast(x, wp.int64) >> wp.int64(52)) & wp.int64(2047)
     return wp.cast((wp.int64(2046) - wp.clamp(exponent, wp.int64(1), wp.int64(2045))) << wp.int64(52), wp.float64)
@@ -33,7 +33,7 @@ def power_of_two_below(x: wp.float64):  # noqa: F811
 
 @wp.func
 def shortened(x: wp.float64):
-    """x rounded towards 0 to 27 significant bits, so that its product with a float32 is exact."""
+    """X rounded towards 0 to 27 significant bits, so that its product with a float32 is exact."""
     return wp.cast(wp.cast(x, wp.int64) & wp.int64(-67108864), wp.float64)
 
 
@@ -43,13 +43,13 @@ def fused(a: wp.float64, b: wp.float64, c: wp.float64) -> wp.float64: ...
 
 @wp.func
 def difference_of_products(a: wp.float32, b: wp.float32, c: wp.float32, d: wp.float32):
-    """a b - c d in float64, where the products of float32 are exact: one rounding, so the sign is exact."""
+    """A b - c d in float64, where the products of float32 are exact: one rounding, so the sign is exact."""
     return wp.float64(a) * wp.float64(b) - wp.float64(c) * wp.float64(d)
 
 
 @wp.func
-def difference_of_products(a: wp.float64, b: wp.float64, c: wp.float64, d: wp.float64):  # noqa: F811
-    """a b - c d to 1.5 ulp, hence with the exact sign (Kahan; Jeannerod, Louvet & Muller 2013)."""
+def difference_of_products(a: wp.float64, b: wp.float64, c: wp.float64, d: wp.float64):
+    """A b - c d to 1.5 ulp, hence with the exact sign (Kahan; Jeannerod, Louvet & Muller 2013)."""
     cd = c * d
     error = fused(-c, d, cd)
     return fused(a, b, -cd) + error

@@ -17,9 +17,7 @@ from .transform import location_to_world, normal_to_world, unit
 @wp.func
 def magnitude(m: wp.mat33d, v: wp.vec3d):
     """|M| |v|, by component: the size of the terms that M v adds up."""
-    return wp.vec3d(
-        wp.dot(wp.abs(m[0]), wp.abs(v)), wp.dot(wp.abs(m[1]), wp.abs(v)), wp.dot(wp.abs(m[2]), wp.abs(v))
-    )
+    return wp.vec3d(wp.dot(wp.abs(m[0]), wp.abs(v)), wp.dot(wp.abs(m[1]), wp.abs(v)), wp.dot(wp.abs(m[2]), wp.abs(v)))
 
 
 @wp.func

@@ -134,9 +134,7 @@ def make_trace(spec: Spec, any_hit: bool):
     Grid = grid_struct(WIDE)  # noqa: N806  a type
 
     @wp.func
-    def visit_instances(
-        grid: Grid, scene: Scene, ray: Ray, cell: int, t_in: WIDE, t_out: WIDE, best: Hit
-    ) -> Hit:
+    def visit_instances(grid: Grid, scene: Scene, ray: Ray, cell: int, t_in: WIDE, t_out: WIDE, best: Hit) -> Hit:
         for k in range(grid.start[cell], grid.start[cell + 1]):
             i = grid.item[k]
             near, far = enter_box(ray.o, ray.inv_d, scene.instances.lower[i], scene.instances.upper[i])

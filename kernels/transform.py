@@ -30,7 +30,7 @@ def offset(m: Mat33, d: Vec3):
 
 @wp.func
 def unit(v: Vec3):
-    """v / |v| without overflow or underflow; v must be finite and not 0."""
+    """V / |v| without overflow or underflow; v must be finite and not 0."""
     scaled = v * power_of_two_below(wp.max(wp.abs(v)))
     return scaled / wp.sqrt(wp.dot(scaled, scaled))
 

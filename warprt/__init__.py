@@ -6,6 +6,7 @@ from pathlib import Path
 if not (Path(__file__).parent / "kernels").is_dir():
     __path__.append(str(Path(__file__).parents[1]))
 
+from ._version import __version__ as __version__
 from .camera import Camera as Camera
 from .hits import Hits as Hits
 from .image import Image as Image
@@ -25,5 +26,3 @@ from .shapes import Sphere as Sphere
 from .tracer import Tracer as Tracer
 from .transform import Transform as Transform
 from .walk import CellWalk as CellWalk
-
-from ._version import __version__ as __version__

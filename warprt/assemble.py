@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import warp as wp
+
 from warprt.kernels.spec import Look, ShapeKind, Spec
 from warprt.kernels.structs import instances_struct, look_struct, mesh_struct, scene_struct, shape_struct
 
@@ -98,7 +99,9 @@ def assemble_look(scene: Scene, spec: Spec, device: wp.Device) -> tuple[Look, ob
     struct = look_struct(look)()
     struct.material = array(index, wp.int32)
     struct.diffuse = array([material.diffuse for material in materials], wp.vec3f)
-    struct.ambient = np.sum([light.color for light in scene.lights if isinstance(light, AmbientLight)] or [[0.0] * 3], 0)
+    struct.ambient = np.sum(
+        [light.color for light in scene.lights if isinstance(light, AmbientLight)] or [[0.0] * 3], 0
+    )
     struct.sky = scene.background.horizon if is_gradient else scene.background
     if look.mirrors:
         struct.mirror = array([material.mirror for material in materials], wp.vec3f)

@@ -4,6 +4,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+
 from warprt.kernels.structs import camera_struct
 
 from . import checks

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import warp as wp
+
 from warprt.kernels import build
 from warprt.kernels.structs import grid_struct
 

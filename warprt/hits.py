@@ -4,6 +4,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import warp as wp
+
 from warprt.kernels.structs import vec3
 
 from .typing import Array, ArrayLike

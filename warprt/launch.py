@@ -48,9 +48,7 @@ def launch(kernel: wp.Kernel, count: int, inputs: list, device: wp.Device, threa
     starts = range(first, first + count, BAND)
     # Recorded here, on one thread: packing arguments and loading modules is not safe on several.
     bands = [
-        wp.launch(
-            kernel, dim=min(BAND, first + count - start), inputs=[*inputs, start], device=device, record_cmd=True
-        )
+        wp.launch(kernel, dim=min(BAND, first + count - start), inputs=[*inputs, start], device=device, record_cmd=True)
         for start in starts
     ]
     if threads == 1 or len(bands) == 1:

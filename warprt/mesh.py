@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import warp as wp
+
 from warprt.kernels.spec import ShapeKind
 from warprt.kernels.structs import mesh_struct
 

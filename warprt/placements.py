@@ -2,6 +2,7 @@
 
 import numpy as np
 import warp as wp
+
 from warprt.kernels.spec import ShapeKind
 
 from .grid import CellLists, build_box_grid, resolution

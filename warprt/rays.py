@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import warp as wp
+
 from warprt.kernels.structs import rays_struct
 
 from .typing import Array, ArrayLike
@@ -37,9 +38,7 @@ def as_rays(origins, directions, t_min, t_max, device: wp.Device) -> Rays:
     if is_device_array:
         origins, directions = _warp_vectors(origins, "origins", device), _warp_vectors(directions, "directions", device)
         if origins.shape != directions.shape or origins.dtype != directions.dtype:
-            raise ValueError(
-                f"origins and directions must agree; got {_describe(origins)} and {_describe(directions)}"
-            )
+            raise ValueError(f"origins and directions must agree; got {_describe(origins)} and {_describe(directions)}")
         shape, is_wide = origins.shape, origins.dtype == wp.vec3d
     else:
         origins, directions = _numpy_vectors(origins, "origins"), _numpy_vectors(directions, "directions")
@@ -124,5 +123,7 @@ def _limits(value: float | Array, name: str, shape: tuple, device: wp.Device) ->
     try:
         array = np.ascontiguousarray(np.broadcast_to(array, shape)).ravel()
     except ValueError:
-        raise ValueError(f"{name} must be one number or have the shape of the rays, {shape}; got {array.shape}") from None
+        raise ValueError(
+            f"{name} must be one number or have the shape of the rays, {shape}; got {array.shape}"
+        ) from None
     return wp.array(array, dtype=wp.float64, device=device), 1

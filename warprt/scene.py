@@ -123,5 +123,3 @@ def _sequence(value, name: str) -> list:
         return list(value)
     except TypeError:
         raise ValueError(f"{name} must be a list; got {type(value).__name__}") from None
-
-

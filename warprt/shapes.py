@@ -4,6 +4,7 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
+
 from warprt.kernels.spec import ShapeKind
 
 from . import checks

@@ -5,6 +5,7 @@ from collections.abc import Callable, Iterable
 
 import numpy as np
 import warp as wp
+
 from warprt.kernels.cast import make_cast, make_occluded, make_spawn
 from warprt.kernels.render import make_render
 from warprt.kernels.structs import hit_arrays_struct, instances_struct

@@ -12,4 +12,4 @@ if TYPE_CHECKING:
 ArrayLike: TypeAlias = npt.ArrayLike
 Placement: TypeAlias = Union["Transform", npt.ArrayLike, None]
 """A Transform, an affine (4, 4) matrix, or None for the identity."""
-Array: TypeAlias = Union[np.ndarray, wp.array]
+Array: TypeAlias = np.ndarray | wp.array

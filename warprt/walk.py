@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import warp as wp
+
 from warprt.kernels.structs import trail_struct
 from warprt.kernels.walk import make_walk_cells
 
