@@ -139,4 +139,8 @@ def list_boxes(
 def find_starts(cell: wp.array(dtype=wp.int32), pair_count: int, start: wp.array(dtype=wp.int32)):
     """start[c]: the first of the sorted pairs whose cell is not below c."""
     c = wp.tid()
-    start[c] = wp.lower_bound(cell, 0, pair_count, c)
+    # wp.lower_bound never answers with the end of its range.
+    if c > cell[pair_count - 1]:
+        start[c] = pair_count
+    else:
+        start[c] = wp.lower_bound(cell, 0, pair_count, c)

@@ -5,7 +5,7 @@ from functools import cache
 import warp as wp
 
 from .spec import Spec
-from .structs import WIDE, hit_arrays_struct, hit_struct, rays_struct, scene_struct, vec3
+from .structs import WIDE, hit_arrays_struct, rays_struct, scene_struct, vec3
 from .surface import leave, make_surface
 from .trace import make_trace
 
@@ -29,7 +29,7 @@ def make_cast(spec: Spec, full: bool):
     """Closest hits. Only with `full` does code for points, normals and weights exist."""
     real = spec.real
     vec, vec2 = vec3(real), wp.types.vector(2, real)
-    Scene, Arrays = scene_struct(spec), hit_arrays_struct(real)  # noqa: N806  types
+    Scene, Arrays = scene_struct(spec), hit_arrays_struct(real)
     trace = make_trace(spec, False)
     surface = make_surface(spec) if full else None
 
@@ -68,7 +68,7 @@ def make_cast(spec: Spec, full: bool):
 @cache
 def make_occluded(spec: Spec):
     """Whether anything is met at all: the same body as the closest hit, ended by the first one found."""
-    Scene = scene_struct(spec)  # noqa: N806  a type
+    Scene = scene_struct(spec)
     trace = make_trace(spec, True)
 
     @wp.kernel(module="unique", enable_backward=False, module_options=OPTIONS)
@@ -83,7 +83,7 @@ def make_occluded(spec: Spec):
 @cache
 def make_spawn(spec: Spec):
     """Origins of rays that leave the hits of other rays; a miss has none and gives NaN."""
-    Scene, Hit = scene_struct(spec), hit_struct()  # noqa: N806  types
+    Scene = scene_struct(spec)
     trace, surface = make_trace(spec, False), make_surface(spec)
 
     @wp.kernel(module="unique", enable_backward=False, module_options=OPTIONS)

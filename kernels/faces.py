@@ -16,7 +16,7 @@ def make_face_ray(spec: Spec):
     """A local ray rounded to the arithmetic of meshes and sheared onto its main axis."""
     real = spec.real
     vec = vec3(real)
-    LocalRay, FaceRay = local_ray_struct(WIDE), face_ray_struct(real)  # noqa: N806  types
+    LocalRay, FaceRay = local_ray_struct(WIDE), face_ray_struct(real)
 
     @wp.func
     def face_ray(local: LocalRay, t_min: WIDE, t_max: WIDE) -> FaceRay:
@@ -59,7 +59,7 @@ def make_in_range(real):
 def make_hit_face(spec: Spec):
     """Ray against one face, as `hit_triangle`, with the shear taken from the ray."""
     real = spec.real
-    Mesh, FaceRay = mesh_struct(spec.real, spec.mesh_grid), face_ray_struct(real)  # noqa: N806  types
+    Mesh, FaceRay = mesh_struct(spec.real, spec.mesh_grid), face_ray_struct(real)
 
     @wp.func
     def hit_face(mesh: Mesh, ray: FaceRay, face: int):
@@ -89,7 +89,7 @@ def make_hit_face(spec: Spec):
 @cache
 def make_hit_faces(spec: Spec, any_hit: bool):
     """Best face of a mesh. With any_hit, the first one found, marked by t = -inf."""
-    Mesh, FaceRay, FaceHit = mesh_struct(spec.real, spec.mesh_grid), face_ray_struct(spec.real), face_hit_struct()  # noqa: N806  types
+    Mesh, FaceRay, FaceHit = mesh_struct(spec.real, spec.mesh_grid), face_ray_struct(spec.real), face_hit_struct()
     hit_face, in_range = make_hit_face(spec), make_in_range(spec.real)
 
     @wp.func
@@ -113,7 +113,7 @@ def make_hit_faces(spec: Spec, any_hit: bool):
 
         return hit_every_face
 
-    Grid = grid_struct(spec.real)  # noqa: N806  a type
+    Grid = grid_struct(spec.real)
 
     @wp.func
     def visit_faces(

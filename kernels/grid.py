@@ -65,7 +65,7 @@ def make_walk(real, visit):
     side or when `best.t` is not beyond the cell's exit. A hit need not lie in the cell where it was found. The
     ray has o, d and inv_d (see `safe_reciprocal`) in the space of the grid.
     """
-    Grid = grid_struct(real)  # noqa: N806  a type
+    Grid = grid_struct(real)
 
     @wp.func
     def walk(grid: Grid, payload: Struct, ray: Struct, t_start: real, best: Struct):

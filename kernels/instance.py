@@ -25,7 +25,7 @@ def advance(t: wp.float64):
 @cache
 def make_enter(spec: Spec):
     """Ray and instance to local ray. In float64 throughout: this is where float32 would cancel."""
-    Scene, LocalRay = scene_struct(spec), local_ray_struct(WIDE)  # noqa: N806  types
+    Scene, LocalRay = scene_struct(spec), local_ray_struct(WIDE)
     has_plane = ShapeKind.PLANE in spec.shapes
 
     @wp.func

@@ -16,7 +16,7 @@ Camera = camera_struct()
 @cache
 def make_render(look: Look):
     """Mean colour of each pixel over its samples, row by row from the top."""
-    Scene, Lights = scene_struct(look.spec), look_struct(look)  # noqa: N806  types
+    Scene, Lights = scene_struct(look.spec), look_struct(look)
     radiance = make_radiance(look)
 
     @wp.kernel(module="unique", enable_backward=False, module_options=OPTIONS)

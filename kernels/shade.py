@@ -14,7 +14,7 @@ from .trace import make_trace
 @cache
 def make_lambert(look: Look):
     """Direct light at a surface point, before its own colour. Absent lights leave no code behind."""
-    Scene, Lights = scene_struct(look.spec), look_struct(look)  # noqa: N806  types
+    Scene, Lights = scene_struct(look.spec), look_struct(look)
     occluded = make_trace(look.spec, True) if look.has_shadows else None
     has_point, has_sun = look.point_lights, look.directional_lights
 
@@ -50,7 +50,7 @@ def make_lambert(look: Look):
 @cache
 def make_sky(look: Look):
     """What a ray sees that meets nothing."""
-    Lights = look_struct(look)  # noqa: N806  a type
+    Lights = look_struct(look)
     has_gradient = look.gradient_sky
 
     @wp.func
@@ -66,7 +66,7 @@ def make_sky(look: Look):
 @cache
 def make_radiance(look: Look):
     """Colour seen along a ray, after up to `max_bounces` mirror reflections."""
-    Scene, Lights = scene_struct(look.spec), look_struct(look)  # noqa: N806  types
+    Scene, Lights = scene_struct(look.spec), look_struct(look)
     trace, surface = make_trace(look.spec, False), make_surface(look.spec)
     lambert, sky = make_lambert(look), make_sky(look)
     has_mirrors = look.mirrors

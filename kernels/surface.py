@@ -41,7 +41,7 @@ def offset_bound(
 def make_surface(spec: Spec):
     """The surface point of a hit. The ray and t_min must be those of the hit: it is met again, bit for bit."""
     real = spec.real
-    Scene, Hit, Surface = scene_struct(spec), hit_struct(), surface_struct()  # noqa: N806  types
+    Scene, Hit, Surface = scene_struct(spec), hit_struct(), surface_struct()
     enter = make_enter(spec)
     has_sphere = ShapeKind.SPHERE in spec.shapes
     has_box = ShapeKind.BOX in spec.shapes

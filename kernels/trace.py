@@ -18,7 +18,7 @@ from .structs import WIDE, face_hit_struct, grid_struct, hit_struct, scene_struc
 @cache
 def make_closer(spec: Spec, any_hit: bool):
     """Keeps the better of a hit and a parameter: the smaller t, then the lower instance id."""
-    Hit, in_range = hit_struct(), make_in_range(spec.real)  # noqa: N806  a type
+    Hit, in_range = hit_struct(), make_in_range(spec.real)
 
     @wp.func
     def closer(t: WIDE, i: int, primitive: int, t_min: WIDE, t_max: WIDE, best: Hit) -> Hit:
@@ -36,7 +36,7 @@ def make_closer(spec: Spec, any_hit: bool):
 @cache
 def make_hit_instance(spec: Spec, any_hit: bool):
     """Best hit after one more instance. Absent shapes leave no code behind."""
-    Scene, Ray, Hit, FaceHit = scene_struct(spec), world_ray_struct(), hit_struct(), face_hit_struct()  # noqa: N806  types
+    Scene, Ray, Hit, FaceHit = scene_struct(spec), world_ray_struct(), hit_struct(), face_hit_struct()
     enter, closer = make_enter(spec), make_closer(spec, any_hit)
     has_sphere = ShapeKind.SPHERE in spec.shapes
     has_box = ShapeKind.BOX in spec.shapes
@@ -89,7 +89,7 @@ def make_hit_instance(spec: Spec, any_hit: bool):
 @cache
 def make_trace(spec: Spec, any_hit: bool):
     """Closest (or any) hit of a ray. A miss, and what is not a ray, has instance -1."""
-    Scene, Ray, Hit = scene_struct(spec), world_ray_struct(), hit_struct()  # noqa: N806  types
+    Scene, Ray, Hit = scene_struct(spec), world_ray_struct(), hit_struct()
     has_grid = spec.instance_grid
     hit_instance = make_hit_instance(spec, any_hit)
 
@@ -131,7 +131,7 @@ def make_trace(spec: Spec, any_hit: bool):
 
         return trace_all
 
-    Grid = grid_struct(WIDE)  # noqa: N806  a type
+    Grid = grid_struct(WIDE)
 
     @wp.func
     def visit_instances(grid: Grid, scene: Scene, ray: Ray, cell: int, t_in: WIDE, t_out: WIDE, best: Hit) -> Hit:

@@ -15,8 +15,8 @@ from .structs import WIDE, face_ray_struct, grid_struct, scene_struct, trail_end
 def make_walk_cells(spec: Spec):
     """For each instance on its own: the cells from where the ray enters its bounds up to t_max."""
     real = spec.real
-    Scene, Trail, End = scene_struct(spec), trail_struct(), trail_end_struct()  # noqa: N806  types
-    Grid, FaceRay = grid_struct(real), face_ray_struct(real)  # noqa: N806  types
+    Scene, Trail, End = scene_struct(spec), trail_struct(), trail_end_struct()
+    Grid, FaceRay = grid_struct(real), face_ray_struct(real)
     enter, face_ray = make_enter(spec), make_face_ray(spec)
 
     @wp.func

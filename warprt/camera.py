@@ -71,8 +71,11 @@ class Camera:
 
     @classmethod
     def framing(cls, lower: ArrayLike, upper: ArrayLike, view: ArrayLike = (-0.5, -0.35, -1.0), fov_deg: float = 40.0):
-        """A camera that looks along `view` and sees all of the box between two corners."""
+        """A camera that looks along `view` and sees all of the box between two corners, with a margin."""
         lower, upper = checks.vector(lower, "lower"), checks.vector(upper, "upper")
-        center, radius = (lower + upper) / 2, np.linalg.norm(upper - lower) / 2 or 1.0
-        distance = radius / math.sin(math.radians(fov_deg) / 2)
-        return cls(center - distance * checks.direction(view, "view"), center, fov_deg=fov_deg)
+        center, half = lower / 2 + upper / 2, upper / 2 - lower / 2
+        right, up, forward = cls(-checks.direction(view, "view"), fov_deg=fov_deg).frame()
+        corners = half * np.stack(np.meshgrid([-1, 1], [-1, 1], [-1, 1]), axis=-1).reshape(8, 3)
+        across = np.maximum(np.abs(corners @ right), np.abs(corners @ up)) / math.tan(math.radians(fov_deg) / 2)
+        distance = 1.1 * (across - corners @ forward).max() or 1.0
+        return cls(center - distance * forward, center, fov_deg=fov_deg)

@@ -10,6 +10,8 @@ import warp as wp
 from warprt.kernels import build
 from warprt.kernels.structs import grid_struct
 
+from .launch import load
+
 FACES_PER_CELL = 0.25
 """Chosen by measurement: benchmarks/results."""
 MAX_CELLS = 2**31 - 2
@@ -97,6 +99,7 @@ def build_lists(grid, count: tuple[int, int, int], items: int, kernel: wp.Kernel
         raise MemoryError(f"{name} has more than {MAX_CELLS} of them; choose fewer")
     require_memory(4 * cells, name, device)
     wide = widened(grid)
+    load(kernel, device)
     end = wp.empty(items, dtype=wp.int64, device=device)
     wp.launch(kernel, dim=items, inputs=[wide, *arguments, False, end, None, None], device=device)
     wp.utils.array_scan(end, end, inclusive=True)
@@ -109,6 +112,7 @@ def build_lists(grid, count: tuple[int, int, int], items: int, kernel: wp.Kernel
     wp.launch(kernel, dim=items, inputs=[wide, *arguments, True, end, cell_of_pair, item_of_pair], device=device)
     wp.utils.radix_sort_pairs(cell_of_pair, item_of_pair, pairs, begin_bit=0, end_bit=max(1, cells.bit_length()))
     start = wp.empty(cells + 1, dtype=wp.int32, device=device)
+    load(build.find_starts, device)
     wp.launch(build.find_starts, dim=cells + 1, inputs=[cell_of_pair, pairs, start], device=device)
     item = wp.clone(item_of_pair[:pairs])
     grid.start, grid.item = start, item

@@ -5,10 +5,15 @@ same bits for any number of threads.
 """
 
 import os
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from functools import cache
 
 import warp as wp
+
+on_compile: Callable[[], None] | None = None
+"""Called, once, before a kernel is compiled that is not in Warp's cache."""
+_is_announced = False
 
 BAND = 8192
 """Rays per launch on a CPU: long enough to hide the launch, short enough to share evenly."""
@@ -38,10 +43,31 @@ def pool(threads: int) -> ThreadPoolExecutor:
     return ThreadPoolExecutor(threads, thread_name_prefix="warprt")
 
 
+def load(kernel: wp.Kernel, device: wp.Device) -> None:
+    """Compiles a kernel, or loads it from the cache, if that has not been done yet."""
+    global _is_announced
+    if on_compile is not None and not _is_announced and not _is_cached(kernel, device):
+        _is_announced = True
+        on_compile()
+    kernel.module.load(device, _block_dim(device))
+
+
+def _block_dim(device: wp.Device) -> int:
+    """Threads per block with which Warp launches unless told otherwise; a module is compiled for one size."""
+    return 1 if device.is_cpu else 256
+
+
+def _is_cached(kernel: wp.Kernel, device: wp.Device) -> bool:
+    folder = wp.config.kernel_cache_dir
+    name = kernel.module.get_module_identifier(_block_dim(device))
+    return folder is not None and os.path.isdir(os.path.join(folder, name))
+
+
 def launch(kernel: wp.Kernel, count: int, inputs: list, device: wp.Device, threads: int, first: int = 0) -> None:
     """Runs a kernel, whose last argument is the first index, for indices first .. first + count - 1."""
     if count == 0:
         return
+    load(kernel, device)
     if device.is_cuda:
         wp.launch(kernel, dim=count, inputs=[*inputs, first], device=device)
         return

@@ -23,6 +23,10 @@ the triangle, and a ray may stop as soon as its best hit lies before the exit of
 """
 
 
+MOST_LISTED = 64
+"""In how many cells the bounds of a face may lie on average."""
+
+
 class Mesh:
     """Triangles that share vertices, with a uniform grid over them.
 
@@ -122,7 +126,7 @@ class DeviceMesh:
             lower, upper = canonical.lower - 2 * pad, canonical.upper + 2 * pad
             count = mesh.grid or (1, 1, 1)
             if count == "auto":
-                count = resolution(upper - lower, self.face_count / FACES_PER_CELL)
+                count = _auto_resolution(mesh.corners(), upper - lower)
             self.grid = build_face_grid(self.corner, lower, upper, count, pad, real)
 
     def struct(self, real: type):
@@ -180,6 +184,17 @@ def _grid_choice(grid):
     if isinstance(grid, str) or np.shape(grid) != (3,):
         raise ValueError(f"Mesh grid must be 'auto', None or three cell counts; got {grid!r}")
     return tuple(checks.positive_integer(n, "Mesh grid cells per axis") for n in grid)
+
+
+def _auto_resolution(corners: np.ndarray, extent: np.ndarray) -> tuple[int, int, int]:
+    """Cells along each axis: fewer than usual where faces are so large that lists would grow too long."""
+    cells = len(corners) / FACES_PER_CELL
+    size = (corners.max(axis=1) - corners.min(axis=1)) / extent
+    while True:
+        count = resolution(extent, cells)
+        if (size * count + 1).prod(axis=1).sum() <= MOST_LISTED * len(corners) or max(count) == 1:
+            return count
+        cells /= 2
 
 
 def _has_no_area(corners: np.ndarray) -> np.ndarray:

@@ -14,6 +14,8 @@ CELLS_PER_INSTANCE = 2.0
 """Cells of the grid over instances, for each of them."""
 FEWEST_LISTED = 16
 """With fewer bounded instances than this, testing each is as fast as a grid."""
+MOST_LISTED = 64
+"""In how many cells an instance may be listed on average."""
 MOST_LOOSE = 16
 """How many large instances may be kept out of the grid and tested by every ray."""
 GRID_PAD = 2.0**-26
@@ -146,6 +148,16 @@ class Placements:
             listed = listed[~is_large]
         return listed
 
+    def _resolution(self, listed: np.ndarray, extent: np.ndarray) -> tuple[int, int, int]:
+        """Cells along each axis: fewer than usual where instances overlap so much that lists would grow too long."""
+        cells = CELLS_PER_INSTANCE * len(listed)
+        while True:
+            count = resolution(extent, cells)
+            spanned = (self.upper[listed] - self.lower[listed]) / extent * count + 1
+            if spanned.prod(axis=1).sum() <= MOST_LISTED * len(listed) or max(count) == 1:
+                return count
+            cells /= 2
+
     def _build(self, listed: np.ndarray) -> None:
         lower, upper = self.lower[listed].min(axis=0), self.upper[listed].max(axis=0)
         extent = upper - lower
@@ -158,7 +170,7 @@ class Placements:
         self._arrays["lower"], self._arrays["upper"] = boxes
         ids = wp.array(listed.astype(np.int32), dtype=wp.int32, device=self.device)
         lo, hi = lower - self._center - 4 * pad, upper - self._center + 4 * pad
-        count = resolution(hi - lo, CELLS_PER_INSTANCE * len(listed))
+        count = self._resolution(listed, hi - lo)
         self.lists = build_box_grid(*boxes, ids, lo, hi, count)
 
 
@@ -172,7 +184,7 @@ def _inverses(item) -> np.ndarray:
 
 def _require_range(values: np.ndarray) -> None:
     """ValueError where a shape under its transform leaves the range in which nothing overflows."""
-    is_bad = ~(np.abs(values) < 1e150).reshape(len(values), -1).all(axis=1)
+    is_bad = ~(np.abs(values) < 1e150).all(axis=tuple(range(1, values.ndim)))
     if is_bad.any():
         i = int(np.argmax(is_bad))
         raise ValueError(f"instance {i} is too large, too small or too far away for float64: {values[i].tolist()}")

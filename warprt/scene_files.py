@@ -1,1 +1,74 @@
-def load_scene(path): ...
+"""Scenes from files: Python, .cfg, and meshes."""
+
+import importlib.util
+import traceback
+from pathlib import Path
+
+from .cfg import read_cfg
+from .lights import AmbientLight, DirectionalLight, GradientSky
+from .materials import Material
+from .mesh import Mesh
+from .mesh_files import SUFFIXES
+from .scene import Instance, Scene
+
+
+def ready_scenes() -> dict[str, Path]:
+    """The scenes that come with the package, by name."""
+    spec = importlib.util.find_spec("warprt.scenes")
+    folder = Path(spec.origin).parent
+    files = [path for path in sorted(folder.iterdir()) if path.suffix in (".py", ".cfg")]
+    return {path.stem: path for path in files if not path.stem.startswith("_")}
+
+
+def find_scene(name: str | Path) -> Path:
+    """The file that a path or the name of a ready scene means. Raises FileNotFoundError when there is none."""
+    path = Path(name)
+    if path.is_file():
+        return path
+    ready = ready_scenes()
+    if str(name) in ready:
+        return ready[str(name)]
+    raise FileNotFoundError(f"there is no scene {str(name)!r}: no such file, and the ready ones are {', '.join(ready)}")
+
+
+def load_scene(path: str | Path) -> Scene:
+    """A scene from a file, or a ready one by its name.
+
+    .py: what its function scene() returns. .cfg: see `warprt.cfg`. Meshes (.obj .ply .stl .off): one instance,
+    lit and framed. Raises FileNotFoundError, or ValueError that names the file and what is wrong with it.
+    """
+    path = find_scene(path)
+    suffix = path.suffix.lower()
+    if suffix == ".py":
+        return _python_scene(path)
+    if suffix == ".cfg":
+        return read_cfg(path)
+    if suffix in SUFFIXES:
+        return mesh_scene(Mesh.from_file(path))
+    raise ValueError(f"cannot read {path}: scenes are .py, .cfg or one of {' '.join(SUFFIXES)}")
+
+
+def mesh_scene(mesh: Mesh) -> Scene:
+    """One mesh in daylight; the camera sees all of it."""
+    lights = [DirectionalLight((-0.6, -1.0, -0.8), (0.75, 0.72, 0.68)), AmbientLight((0.22, 0.24, 0.28))]
+    sky = GradientSky((0.92, 0.94, 0.97), (0.45, 0.6, 0.85))
+    return Scene([Instance(mesh, material=Material((0.75, 0.7, 0.62)))], lights=lights, background=sky)
+
+
+def _python_scene(path: Path) -> Scene:
+    spec = importlib.util.spec_from_file_location(f"warprt_scene_{path.stem}", path)
+    module = importlib.util.module_from_spec(spec)
+    try:
+        spec.loader.exec_module(module)
+        if not callable(getattr(module, "scene", None)):
+            raise ValueError(f"{path} has no function scene()")
+        scene = module.scene()
+    except Exception as error:
+        frames = [frame for frame in traceback.extract_tb(error.__traceback__) if frame.filename == str(path)]
+        if not frames and not isinstance(error, SyntaxError):
+            raise
+        line = frames[-1].lineno if frames else error.lineno
+        raise ValueError(f"{path}:{line}: {type(error).__name__}: {error}") from error
+    if not isinstance(scene, Scene):
+        raise ValueError(f"{path}: scene() must return a Scene; it returned {type(scene).__name__}")
+    return scene

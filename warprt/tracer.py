@@ -15,7 +15,7 @@ from .assemble import assemble, assemble_look
 from .camera import Camera
 from .hits import BRIEF, Hits, field_names, field_types, numpy_field
 from .image import Image, output_names
-from .launch import checked_threads, default_threads, launch
+from .launch import checked_threads, default_threads, launch, load
 from .rays import Rays, as_rays
 from .scene import Scene
 from .typing import Array, ArrayLike
@@ -171,7 +171,7 @@ class Tracer:
 
     def compile_render(self) -> None:
         """Compiles, or loads from the cache, the kernel that `render` needs; it does so itself when it must."""
-        self._render_kernel().module.load(self.device)
+        load(self._render_kernel(), self.device)
 
     def _render_kernel(self) -> wp.Kernel:
         if self._look is None:

@@ -5,6 +5,7 @@ import math
 import numpy as np
 
 from . import checks
+from .inverse import inverses
 from .typing import ArrayLike, Placement
 
 
@@ -32,24 +33,12 @@ def raise_first(is_bad: np.ndarray, flat: np.ndarray, name: str, fault: str, is_
 def inverse_linear(linear: np.ndarray, name: str) -> np.ndarray:
     """The inverses of (N, 3, 3) matrices, or a ValueError that names the first singular one.
 
-    A matrix counts as singular when scaling its rows or its columns cannot bring its condition number below
-    1 / (8 u), u = 2^-53 (Skeel's condition number): stretching by 1e-100 along an axis is fine.
+    A matrix counts as singular when its condition number, after rows and columns have been scaled to like size, is
+    above 2^50: then a change of the last bits of its elements could make it so.
     """
-    # Scaled by powers of two, so that neither determinants nor products leave the range of float64.
-    _, exponent = np.frexp(np.abs(linear).max(axis=(1, 2), initial=0))
-    scaled = np.ldexp(linear, -exponent[:, None, None])
-    with np.errstate(all="ignore"):
-        try:
-            inverse = np.linalg.inv(scaled)
-        except np.linalg.LinAlgError:
-            is_regular = np.linalg.det(scaled) != 0
-            inverse = np.full_like(scaled, np.nan)
-            inverse[is_regular] = np.linalg.inv(scaled[is_regular])
-        size, inverse_size = np.abs(scaled), np.abs(inverse)
-        by_rows = (inverse_size @ size).sum(axis=2).max(axis=1, initial=0)
-        by_columns = (size @ inverse_size).sum(axis=2).max(axis=1, initial=0)
-        inverse = np.ldexp(inverse, -exponent[:, None, None])
-        is_singular = ~(np.minimum(by_rows, by_columns) < 2.0**50) | ~np.isfinite(inverse).all(axis=(1, 2))
+    inverse, condition = inverses(linear)
+    with np.errstate(invalid="ignore"):
+        is_singular = ~(condition < 2.0**50) | ~np.isfinite(inverse).all(axis=(1, 2))
     raise_first(is_singular, linear, name, "is singular", True)
     return inverse
 

@@ -1,0 +1,226 @@
+"""What kernels should answer, in exact rationals and by other methods than theirs.
+
+Floats become fractions without rounding, so a test sees the error of a kernel alone. Vectors are sequences of three
+fractions, as `exact` makes them.
+"""
+
+from fractions import Fraction
+from itertools import product
+from math import inf, isqrt
+
+import numpy as np
+
+
+def exact(values) -> np.ndarray:
+    """An array of fractions, each equal to its float."""
+    array = np.asarray(values, dtype=np.float64)
+    return np.array([Fraction(float(x)) for x in array.ravel()], dtype=object).reshape(array.shape)
+
+
+def error(value, truth: Fraction) -> float:
+    """Distance of a float from the truth; NaN and infinity are infinitely far."""
+    return float(abs(Fraction(float(value)) - truth)) if np.isfinite(value) else inf
+
+
+def square_root(x: Fraction) -> Fraction:
+    """To 2^-200 of its size, which no test can tell from exact."""
+    numerator = isqrt((x.numerator * x.denominator) << 400)
+    return Fraction(numerator, x.denominator << 200)
+
+
+def dot(a, b) -> Fraction:
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+def cross(a, b) -> np.ndarray:
+    return np.array([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]], dtype=object)
+
+
+def sign(x) -> int:
+    return (x > 0) - (x < 0)
+
+
+# ---------------------------------------------------------------------------------------------- transforms
+
+
+def inverse(a) -> np.ndarray:
+    """Of a 3 x 3 matrix of fractions, by cofactors."""
+    cofactors = np.array([cross(a[1], a[2]), cross(a[2], a[0]), cross(a[0], a[1])], dtype=object)
+    return cofactors.T / dot(a[0], cofactors[0])
+
+
+def normal_to_world(a, n) -> np.ndarray:
+    """Inverse transpose times n, unit, for x_world = A x_local."""
+    turned = inverse(a).T @ n
+    return turned / square_root(dot(turned, turned))
+
+
+def reflection(d, n) -> np.ndarray:
+    """D with its part along n turned round; n may have any length."""
+    along = dot(d, n) / dot(n, n) * n
+    return (d - along) - along
+
+
+# ---------------------------------------------------------------------------------------------- analytic shapes
+
+
+def roots_sphere(o, d, r):
+    """(near, far) of the sphere about the origin, or None; by the textbook's quadratic."""
+    a, half_b, c = dot(d, d), dot(o, d), dot(o, o) - r * r
+    quarter = half_b * half_b - a * c
+    if quarter < 0:
+        return None
+    return (-half_b - square_root(quarter)) / a, (-half_b + square_root(quarter)) / a
+
+
+def line_in_box(o, d, lower, upper):
+    """(near, far): where a line is in each of the three closed slabs; in none of them if near > far. None: never."""
+    near, far = -inf, inf
+    for axis in range(3):
+        if d[axis] == 0:
+            if not lower[axis] <= o[axis] <= upper[axis]:
+                return None
+        else:
+            ends = sorted(((lower[axis] - o[axis]) / d[axis], (upper[axis] - o[axis]) / d[axis]))
+            near, far = max(near, ends[0]), min(far, ends[1])
+    return near, far
+
+
+def hit_box(o, d, lower, upper, t_min=0, t_max=inf):
+    """(t, axis) of the first point on any of the six faces, each a closed rectangle, or None.
+
+    Where faces meet, the lowest axis.
+    """
+    found = []
+    for axis, end in product(range(3), (lower, upper)):
+        low, high = np.array(lower, dtype=object), np.array(upper, dtype=object)
+        low[axis] = high[axis] = end[axis]
+        span = line_in_box(o, d, low, high)
+        # A ray in the plane of a face is on it for a while.
+        if span is not None and span[0] <= span[1]:
+            t = max(span[0], t_min)
+            if t <= span[1] and t < t_max:
+                found.append((t, axis))
+    return min(found, default=None)
+
+
+def root_plane(o, d, n):
+    """T on the plane through the origin, or None."""
+    speed = dot(n, d)
+    return None if speed == 0 else -dot(n, o) / speed
+
+
+# ---------------------------------------------------------------------------------------------- triangles
+
+
+def root_supporting_plane(o, d, p0, p1, p2):
+    """T on the plane of a triangle, or None."""
+    return root_plane(o - p0, d, cross(p1 - p0, p2 - p0))
+
+
+def hit_triangle(o, d, p0, p1, p2):
+    """(t, u, v) or None: supporting plane, then areas."""
+    t = root_supporting_plane(o, d, p0, p1, p2)
+    if t is None:
+        return None
+    n = cross(p1 - p0, p2 - p0)
+    q = o + t * d - p0
+    u, v = dot(cross(q, p2 - p0), n) / dot(n, n), dot(cross(p1 - p0, q), n) / dot(n, n)
+    return (t, u, v) if u >= 0 and v >= 0 and u + v <= 1 else None
+
+
+def closest_hit(o, d, triangles, t_min=0, t_max=inf):
+    """(t, index) over all triangles, the lower index where t is equal, or None."""
+    hits = [(hit[0], k) for k, corners in enumerate(triangles) if (hit := hit_triangle(o, d, *corners))]
+    return min(((t, k) for t, k in hits if t_min <= t < t_max), default=None)
+
+
+def edge_functions(a, b, c):
+    """Signs of (b x c, c x a, a x b) in the plane, times -1: as the origin sees the edges of a triangle a b c."""
+    return (
+        sign(c[0] * b[1] - c[1] * b[0]),
+        sign(a[0] * c[1] - a[1] * c[0]),
+        sign(b[0] * a[1] - b[1] * a[0]),
+    )
+
+
+def holds_origin(a, b, c) -> bool:
+    """Whether the origin is in the closed triangle a b c of the plane. One without area holds nothing."""
+    signs = set(edge_functions(a, b, c))
+    return signs not in ({0}, {-1, 1}, {-1, 0, 1})
+
+
+# ---------------------------------------------------------------------------------------------- grids
+
+
+def touches(triangle, lower, upper) -> bool:
+    """Whether a closed triangle, also one without area, and a closed box have a point in common, by clipping."""
+    polygon = list(triangle)
+    for axis, (wall, outward) in product(range(3), ((lower, -1), (upper, 1))):
+        heights = [outward * (p[axis] - wall[axis]) for p in polygon]
+        clipped = []
+        for k, (p, h) in enumerate(zip(polygon, heights, strict=True)):
+            q, g = polygon[k - 1], heights[k - 1]
+            if h < 0 < g or g < 0 < h:
+                clipped.append(p + (q - p) * (h / (h - g)))
+            if h <= 0:
+                clipped.append(p)
+        polygon = clipped
+    return bool(polygon)
+
+
+def cells_of_triangle(walls, triangle, pad=Fraction(0)) -> set:
+    """Cells, each widened by pad on all sides, that a triangle touches; walls[axis] are fractions, ascending."""
+    ranges = []
+    for axis in range(3):
+        low, high = min(p[axis] for p in triangle) - pad, max(p[axis] for p in triangle) + pad
+        wall = walls[axis]
+        ranges.append([k for k in range(len(wall) - 1) if wall[k] <= high and wall[k + 1] >= low])
+    return {
+        cell
+        for cell in product(*ranges)
+        if touches(
+            triangle,
+            [walls[axis][cell[axis]] - pad for axis in range(3)],
+            [walls[axis][cell[axis] + 1] + pad for axis in range(3)],
+        )
+    }
+
+
+def cells_of_ray(walls, o, d, t_start) -> dict:
+    """{cell: (t_enter, t_exit)} of each closed cell that the ray from t_start on has a point in common with."""
+    spans = []
+    for axis in range(3):
+        spans.append({})
+        for k in range(len(walls[axis]) - 1):
+            low, high = walls[axis][k], walls[axis][k + 1]
+            if d[axis] == 0:
+                if low <= o[axis] <= high:
+                    spans[axis][k] = (t_start, inf)
+            else:
+                ends = sorted(((low - o[axis]) / d[axis], (high - o[axis]) / d[axis]))
+                if ends[1] >= t_start:
+                    spans[axis][k] = (max(ends[0], t_start), ends[1])
+    cells = {}
+    for (x, (x_in, x_out)), (y, (y_in, y_out)) in product(spans[0].items(), spans[1].items()):
+        if max(x_in, y_in) <= min(x_out, y_out):
+            for z, (z_in, z_out) in spans[2].items():
+                enter, leave = max(x_in, y_in, z_in), min(x_out, y_out, z_out)
+                if enter <= leave:
+                    cells[x, y, z] = (enter, leave)
+    return cells
+
+
+def exact_inverse(m):
+    """(3, 3) long double inverse of a float64 matrix, by cofactors in rationals: no digit is lost to its condition."""
+    m = [[Fraction(float(x)) for x in row] for row in m]
+
+    def cofactor(i, j):
+        rows, columns = [(i + 1) % 3, (i + 2) % 3], [(j + 1) % 3, (j + 2) % 3]
+        return m[rows[0]][columns[0]] * m[rows[1]][columns[1]] - m[rows[0]][columns[1]] * m[rows[1]][columns[0]]
+
+    determinant = sum(m[0][j] * cofactor(0, j) for j in range(3))
+    exact = [[cofactor(j, i) / determinant for j in range(3)] for i in range(3)]
+    high = np.array([[float(x) for x in row] for row in exact])
+    low = [[float(x - Fraction(h)) for x, h in zip(*rows, strict=True)] for rows in zip(exact, high, strict=True)]
+    return high.astype(np.longdouble) + np.array(low).astype(np.longdouble)

@@ -1,0 +1,145 @@
+"""Scene files of the course."""
+
+import numpy as np
+import pytest
+
+import warprt as rt
+
+EXAMPLE = """
+camera { position = (0, 1, 5); target = (0, 0, 0); fov = 45; }        // also # and /* */ comments
+point_light { position = (5, 5, 5); color = (1, 1, 1); }
+material red { diffuse = (0.8, 0.1, 0.1); }
+# a definition
+sphere ball { center = (0, 0, 0); radius = 1; }
+axis_aligned_box block { min = (-1, -1, -1); max = (1, 1, 1); }
+triangle_mesh bunny { file = "bunny.off"; grid_acceleration = true; grid_resolution = (8,8,8); }
+geometry_instance { geometry = bunny; material = red; scale = (1, 2, 1); rotate = (30, 0, 1, 0);
+                    translate = (0, 0, -2); }
+geometry_instance { geometry = ball; translate = (1.5e0, -.5, +2.f); } /* two
+lines */
+sphere { radius = 0.25; material = red; }
+"""
+MESH = "OFF\n4 2 0\n10 10 10\n14 10 10\n10 12 10\n10 10 11\n3 0 1 2\n3 0 1 3\n"
+
+
+@pytest.fixture
+def folder(tmp_path):
+    (tmp_path / "bunny.off").write_text(MESH)
+    return tmp_path
+
+
+def load(folder, text):
+    (folder / "scene.cfg").write_text(text)
+    return rt.load_scene(folder / "scene.cfg")
+
+
+def test_example_of_the_documentation(folder):
+    scene = load(folder, EXAMPLE)
+    bunny, ball, small = scene.objects
+    assert scene.camera.fov_deg == 45
+    assert [type(light) for light in scene.lights] == [rt.PointLight]
+    assert bunny.shape.grid == (8, 8, 8)
+    assert bunny.material == small.material == rt.Material((0.8, 0.1, 0.1))
+    assert ball.transform == rt.Transform().translate(1.5, -0.5, 2)
+    assert (ball.material, small.shape.radius) == (None, 0.25)
+
+
+def test_statements_of_an_instance_act_in_the_order_written(folder):
+    scene = load(
+        folder,
+        "sphere s { } geometry_instance { geometry = s; translate = (1, 0, 0); rotate = (90, 0, 0, 2); scale = 2; "
+        "translate = (0, 0, 5); }",
+    )
+    expected = rt.Transform().translate(1, 0, 0).rotate(90, (0, 0, 1)).scale(2).translate(0, 0, 5)
+    assert scene.objects[0].transform == expected
+
+
+def test_transform_is_column_major(folder):
+    numbers = "1, 2, 3, 0, 0, 1, 0, 0, 0, 0, 1, 0, 4, 5, 6, 1"
+    scene = load(folder, f"sphere s {{ }} geometry_instance {{ geometry = s; transform = ({numbers}); }}")
+    expected = rt.Transform.from_columns((1, 2, 3, 0), (0, 1, 0, 0), (0, 0, 1, 0), (4, 5, 6, 1))
+    assert scene.objects[0].transform == expected
+
+
+def test_mesh_is_put_into_the_unit_cube_unless_told_otherwise(folder):
+    fitted, raw = (
+        load(folder, f'triangle_mesh {{ file = "bunny.off"; {option} }}').objects[0].shape.bounds
+        for option in ("", "unit_cube = false;")
+    )
+    np.testing.assert_array_equal(fitted, [(0, 0, 0), (1, 0.5, 0.25)])
+    np.testing.assert_array_equal(raw, [(10, 10, 10), (14, 12, 11)])
+
+
+def test_grid_can_be_turned_off(folder):
+    text = 'triangle_mesh { file = "bunny.off"; grid_acceleration = false; grid_resolution = (8, 8, 8); }'
+    assert load(folder, text).objects[0].shape.grid is None
+
+
+def test_named_shape_is_drawn_only_through_an_instance(folder):
+    assert load(folder, "sphere s { }").instance_count == 0
+
+
+def test_definitions_may_follow_their_use(folder):
+    text = "geometry_instance { geometry = s; material = m; } sphere s { } material m { diffuse = 0.5; }"
+    assert load(folder, text).objects[0].material.diffuse == (0.5, 0.5, 0.5)
+
+
+def test_sky_and_other_lights(folder):
+    scene = load(
+        folder,
+        "background { horizon = (1, 1, 1); zenith = (0, 0, 1); } ambient_light { color = 0.1; } "
+        "directional_light { direction = (0, -1, 0); } plane { point = (0, -1, 0); normal = (0, 1, 0); };",
+    )
+    assert scene.background == rt.GradientSky((1, 1, 1), (0, 0, 1))
+    assert {type(light) for light in scene.lights} == {rt.AmbientLight, rt.DirectionalLight}
+
+
+@pytest.mark.parametrize(
+    "text, place, words",
+    [
+        pytest.param("sphere { radius = 1 }", "1:21", "expected ';'; got '}'", id="missing semicolon"),
+        pytest.param("sphere {\n  radius = ;\n}", "2:12", "expected", id="missing value"),
+        pytest.param("sphere { radius = 1;", "1:21", "end of the file", id="missing brace"),
+        pytest.param("sphere { radius = $; }", "1:19", "unexpected '$'", id="strange character"),
+        pytest.param("\n\ncube { }", "3:1", "unknown block 'cube'", id="unknown block"),
+        pytest.param("sphere { size = 1; }", "1:1", "sphere has no 'size'; it has center, radius", id="unknown key"),
+        pytest.param("sphere { radius = 1; radius = 2; }", "1:22", "given twice", id="key twice"),
+        pytest.param("sphere { radius = -1; }", "1:1", "radius must be positive", id="bad value"),
+        pytest.param("sphere { center = (0, 0); }", "1:1", "center", id="two numbers"),
+        pytest.param("sphere { center = red; }", "1:1", "center", id="name for numbers"),
+        pytest.param("axis_aligned_box { min = (0, 0, 0); }", "1:1", "needs max", id="missing key"),
+        pytest.param("material { diffuse = 1; }", "1:1", "needs a name", id="unnamed material"),
+        pytest.param("sphere s { } sphere s { }", "1:14", "defined twice", id="shape twice"),
+        pytest.param("sphere { material = blue; }", "1:1", "no material 'blue'", id="unknown material"),
+        pytest.param("geometry_instance { }", "1:1", "needs a geometry", id="no geometry"),
+        pytest.param("geometry_instance { geometry = x; }", "1:21", "no geometry 'x'", id="unknown geometry"),
+        pytest.param(
+            "sphere s {}\ngeometry_instance { geometry = s;\n scale = (1, 0, 1); }", "3:2", "zero", id="scale 0"
+        ),
+        pytest.param("sphere s {} geometry_instance { geometry = s; rotate = 4; }", "1:47", "rotate", id="rotate"),
+        pytest.param("sphere s {} geometry_instance { geometry = s; spin = 4; }", "1:47", "no 'spin'", id="spin"),
+        pytest.param("sphere s {} geometry_instance { geometry = s; transform = (1, 2); }", "1:47", "16", id="not 16"),
+        pytest.param("camera { position = (0, 5, 0); }", "1:1", "parallel", id="camera"),
+        pytest.param('triangle_mesh { file = "none.ply"; }', "1:1", "there is no file", id="missing mesh"),
+        pytest.param("triangle_mesh { file = bunny; }", "1:1", "string", id="file not quoted"),
+        pytest.param('triangle_mesh { file = "bunny.off"; grid_resolution = (8, 8); }', "1:1", "three", id="two"),
+        pytest.param('triangle_mesh { file = "bunny.off"; unit_cube = 1; }', "1:1", "true or false", id="flag"),
+        pytest.param('triangle_mesh { file = "scene.cfg"; }', "1:1", "cannot read", id="not a mesh"),
+    ],
+)
+def test_error_names_file_line_and_column(folder, text, place, words):
+    with pytest.raises((ValueError, OSError)) as caught:
+        load(folder, text)
+    assert str(caught.value).startswith(f"{folder / 'scene.cfg'}:{place}: ")
+    assert words in str(caught.value)
+
+
+def test_two_cameras_are_an_error(folder):
+    with pytest.raises(ValueError, match="at most one camera"):
+        load(folder, "camera { position = (0, 1, 5); } camera { position = (0, 2, 5); }")
+
+
+def test_binary_file_is_an_error(folder):
+    (folder / "scene.cfg").write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(ValueError, match="UTF-8"):
+        rt.load_scene(folder / "scene.cfg")

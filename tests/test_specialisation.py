@@ -1,0 +1,100 @@
+"""A scene pays only for what it contains: the generated code is read."""
+
+import re
+import warnings
+from pathlib import Path
+
+import pytest
+import warp as wp
+
+import warprt as rt
+from warprt.kernels.cast import make_cast, make_occluded, make_spawn
+from warprt.kernels.render import make_render
+from warprt.kernels.spec import Look, ShapeKind, Spec
+from warprt.kernels.walk import make_walk_cells
+
+WORDS = {
+    ShapeKind.SPHERE: "roots_sphere",
+    ShapeKind.BOX: "roots_box",
+    ShapeKind.PLANE: "root_plane",
+    ShapeKind.MESH: "edge_weights",
+}
+
+
+def source(kernel, tmp_path, **options):
+    """The C++ or CUDA source that Warp generates for a kernel."""
+    paths = wp.compile_aot_module(kernel.module, module_dir=tmp_path, strip_hash=False, **options)
+    assert all(Path(path).is_file() for path in paths)
+    text = "".join(path.read_text() for path in tmp_path.iterdir() if path.suffix in (".cpp", ".cu"))
+    # Comments repeat the Python source, docstrings and all.
+    return re.sub(r"//[^\n]*", "", text)
+
+
+@pytest.mark.parametrize("kind", list(ShapeKind))
+def test_absent_shapes_leave_no_code_behind(kind, real, tmp_path):
+    text = source(make_cast(Spec(real, frozenset([kind]), instance_grid=False), False), tmp_path, device="cpu")
+    assert WORDS[kind] in text
+    for other in ShapeKind:
+        assert (WORDS[other] in text) == (other == kind)
+    assert ("corner" in text) == (kind == ShapeKind.MESH)
+
+
+def test_points_and_normals_leave_no_code_behind_unless_asked_for(real, tmp_path):
+    spec = Spec(real, frozenset([ShapeKind.SPHERE]))
+    (tmp_path / "brief").mkdir()
+    (tmp_path / "full").mkdir()
+    assert "normal_to_world" not in source(make_cast(spec, False), tmp_path / "brief", device="cpu")
+    assert "normal_to_world" in source(make_cast(spec, True), tmp_path / "full", device="cpu")
+
+
+FEATURES = {
+    "point_lights": ("point_position",),
+    "directional_lights": ("sun_direction",),
+    "mirrors": ("reflected", "mirror"),
+    "gradient_sky": ("zenith",),
+}
+
+
+@pytest.mark.parametrize("feature", [None, *FEATURES])
+def test_absent_features_of_shading_leave_no_code_behind(feature, tmp_path):
+    spec = Spec(wp.float32, frozenset([ShapeKind.SPHERE]), instance_grid=False)
+    look = Look(spec, **({feature: True} if feature else {}))
+    text = source(make_render(look), tmp_path, device="cpu")
+    for name, words in FEATURES.items():
+        for word in words:
+            assert (word in text) == (name == feature)
+
+
+def test_equal_specs_share_a_kernel():
+    specs = [Spec(wp.float32, frozenset([ShapeKind.BOX, ShapeKind.MESH])) for _ in range(2)]
+    assert make_cast(specs[0], True) is make_cast(specs[1], True)
+
+
+def test_second_scene_of_a_kind_compiles_nothing(device):
+    rt.Tracer(rt.Scene([rt.Sphere()]), device=device).cast((0, 0, 5), (0, 0, -1))
+    before = make_cast.cache_info().misses
+    rt.Tracer(rt.Scene([rt.Sphere((1, 2, 3), 4)] * 3), device=device).cast((0, 0, 9), (0, 0, -1))
+    assert make_cast.cache_info().misses == before
+
+
+ALL = Spec(wp.float32, frozenset(ShapeKind))
+KERNELS = {
+    "cast": lambda: make_cast(ALL, True),
+    "occluded": lambda: make_occluded(ALL),
+    "spawn": lambda: make_spawn(ALL),
+    "walk": lambda: make_walk_cells(ALL),
+    "render": lambda: make_render(Look(ALL, True, True, True, True)),
+    "double": lambda: make_cast(Spec(wp.float64, frozenset(ShapeKind)), True),
+}
+
+
+@pytest.mark.parametrize("name", KERNELS)
+def test_kernels_compile_for_a_gpu_without_one(name, tmp_path):
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        text = source(KERNELS[name](), tmp_path, arch=90, use_ptx=True)
+    ptx = "".join(path.read_text() for path in tmp_path.rglob("*.ptx"))
+    assert ".target sm_90" in ptx
+    # Each operation is rounded on its own: no multiply-add that the source did not ask for.
+    assert "fma.rn.f32" not in ptx
+    assert text

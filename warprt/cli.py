@@ -1,0 +1,157 @@
+"""The command line: warprt render, warprt info."""
+
+import argparse
+import os
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import warp as wp
+
+from . import launch
+from ._version import __version__
+from .image import OUTPUTS
+from .scene_files import find_scene, load_scene, ready_scenes
+from .tracer import ACCELERATORS, TIERS, Tracer
+
+
+class _Parser(argparse.ArgumentParser):
+    """A parser that says what is wrong in one line."""
+
+    def error(self, message):
+        print(f"{self.prog}: {message}; see {self.prog} --help", file=sys.stderr)
+        sys.exit(2)
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Runs the command line; the exit status is 0, or 2 after a user's mistake."""
+    options = _parser().parse_args(arguments)
+    launch.on_compile = _announce_compile
+    try:
+        _start_warp()
+        options.run(options)
+    except (ValueError, OSError, MemoryError) as error:
+        print(f"warprt: {error}", file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        print("warprt: interrupted", file=sys.stderr)
+        return 130
+    return 0
+
+
+def _start_warp() -> None:
+    """Starts Warp without its banner, and without its warning where there is no GPU, which is no fault."""
+    wp.config.log_level = wp.LOG_ERROR
+    # The warning is written by native code, so the file descriptor itself must be turned away for a moment.
+    sys.stderr.flush()
+    with tempfile.TemporaryFile() as aside:
+        kept = os.dup(2)
+        os.dup2(aside.fileno(), 2)
+        try:
+            wp.init()
+        finally:
+            os.dup2(kept, 2)
+            os.close(kept)
+        aside.seek(0)
+        lines = aside.read().decode(errors="replace").splitlines(keepends=True)
+    sys.stderr.write("".join(line for line in lines if "NVIDIA CUDA driver" not in line))
+
+
+def _parser() -> _Parser:
+    parser = _Parser(prog="warprt", description="Ray tracing of instanced scenes with NVIDIA Warp kernels.")
+    parser.add_argument("--version", action="version", version=f"warprt {__version__}")
+    commands = parser.add_subparsers(required=True, metavar="COMMAND", parser_class=_Parser)
+    render = commands.add_parser("render", help="make a picture of a scene")
+    render.add_argument("scene", metavar="SCENE", help="a file (.py .cfg .obj .ply .stl .off) or a ready scene")
+    render.add_argument("-o", "--output", metavar="FILE", help="default: the scene's name with .png, here")
+    render.add_argument("--size", type=_size, default=(640, 480), metavar="WxH", help="pixels; default 640x480")
+    render.add_argument("--samples", type=int, default=4, metavar="N", help="rays per pixel; default 4")
+    render.add_argument("--max-bounces", type=int, default=8, metavar="N", help="mirror reflections; default 8")
+    render.add_argument("--accuracy", default="robust", metavar="T", help=f"{' or '.join(TIERS)}; default robust")
+    render.add_argument("--device", metavar="D", help="cpu, cuda:0, ...; default: the GPU if there is one")
+    render.add_argument("--threads", type=int, metavar="N", help="CPU threads; default: all cores")
+    render.add_argument("--accelerator", default="grid", metavar="A", help=" or ".join(ACCELERATORS))
+    render.add_argument("--outputs", default="color", metavar="NAMES", help=f"of {','.join(OUTPUTS)}")
+    render.add_argument("--no-clobber", action="store_true", help="refuse to replace a file")
+    render.set_defaults(run=_render)
+    info = commands.add_parser("info", help="versions, devices, ready scenes")
+    info.set_defaults(run=_info)
+    return parser
+
+
+def _size(text: str) -> tuple[int, int]:
+    width, cross, height = text.lower().partition("x")
+    if not (cross and width.isdecimal() and height.isdecimal() and int(width) > 0 and int(height) > 0):
+        raise argparse.ArgumentTypeError(f"{text!r} is not WIDTHxHEIGHT, such as 640x480")
+    return int(width), int(height)
+
+
+def _announce_compile() -> None:
+    print("Compiling kernels for a new kind of scene; they are kept for the next time ...", file=sys.stderr, flush=True)
+
+
+def _render(options: argparse.Namespace) -> None:
+    path = find_scene(options.scene)
+    output = Path(options.output or f"{path.stem}.png")
+    outputs = tuple(options.outputs.split(","))
+    data = output.with_suffix(".npz") if outputs != ("color",) else None
+    for file in (output, data):
+        if options.no_clobber and file is not None and file.exists():
+            raise FileExistsError(f"{file} exists already; leave out --no-clobber to replace it")
+    tracer = Tracer(load_scene(path), options.accuracy, options.device, options.accelerator, options.threads)
+    tracer.compile_render()
+    started = time.perf_counter()
+    with _Progress(output.name) as progress:
+        image = tracer.render(
+            size=options.size,
+            samples=options.samples,
+            max_bounces=options.max_bounces,
+            outputs=outputs,
+            progress=progress,
+        )
+    seconds = time.perf_counter() - started
+    image.save(output)
+    if data is not None and data != output:
+        image.save(data)
+    rays = options.size[0] * options.size[1] * options.samples
+    print(
+        f"{output}: {options.size[0]} x {options.size[1]}, {rays:,} camera rays in {seconds:.2f} s, "
+        f"{rays / seconds / 1e6:.2f} Mrays/s ({tracer.accuracy}, {tracer.device.alias}"
+        f"{'' if tracer.device.is_cuda else f', {tracer.threads} threads'})"
+    )
+
+
+class _Progress:
+    """A bar on a terminal, nothing elsewhere."""
+
+    def __init__(self, title: str):
+        from tqdm.auto import tqdm
+
+        self._bar = tqdm(desc=title, unit="ray", unit_scale=True, disable=None, leave=False)
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        self._bar.close()
+
+    def __call__(self, done: int, total: int) -> None:
+        self._bar.total = total
+        self._bar.update(done - self._bar.n)
+
+
+def _info(_options: argparse.Namespace) -> None:
+    import numpy as np
+
+    print(f"warprt {__version__}, warp {wp.__version__}, numpy {np.__version__}, python {sys.version.split()[0]}")
+    for device in wp.get_devices():
+        detail = f"{launch.default_threads()} threads" if device.is_cpu else device.name
+        print(f"device {device.alias}: {detail}{', default' if device == wp.get_device() else ''}")
+    print(f"accuracy: {', '.join(TIERS)}")
+    print(f"kernel cache: {wp.config.kernel_cache_dir}")
+    print(f"ready scenes: {', '.join(ready_scenes())}")
+
+
+if __name__ == "__main__":
+    sys.exit(main())
