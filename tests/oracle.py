@@ -37,7 +37,7 @@ def cross(a, b) -> np.ndarray:
 
 
 def sign(x) -> int:
-    return (x > 0) - (x < 0)
+    return int(x > 0) - int(x < 0)
 
 
 # ---------------------------------------------------------------------------------------------- transforms

@@ -291,7 +291,7 @@ def test_triangle_hit_scales_with_powers_of_two(exponent, real, device, rng):
 
 
 def test_closest_of_many_triangles_matches_exact_brute_force(real, device, rng):
-    corners = rounded(rng.uniform(-1, 1, (20, 1, 3)) + 0.5 * rng.normal(size=(20, 3, 3)), real)
+    corners = rounded(rng.uniform(-1, 1, (20, 1, 3)) + 0.8 * rng.normal(size=(20, 3, 3)), real)
     o = rounded(rng.uniform(-2, 2, (30, 3)), real)
     d = rounded(rng.uniform(-1, 1, (30, 3)) - o, real)
     pairs = np.repeat(o, 20, axis=0), np.repeat(d, 20, axis=0), np.tile(corners, (30, 1, 1))
@@ -307,11 +307,12 @@ def test_closest_of_many_triangles_matches_exact_brute_force(real, device, rng):
 
 
 def fan(rng, count):
-    """(count, 3, 3) triangles that close around their common first vertex, the origin, in any winding and order."""
-    angle = np.arange(count) * 2 * np.pi / count + rng.uniform(-0.4, 0.4, count) * np.pi / count
+    """(count, 3, 3) triangles that close around their common first vertex, the origin, and the axis of the fan."""
+    angle = (np.arange(count) + rng.uniform(-0.2, 0.2, count)) * 2 * np.pi / count
     rim = np.stack([np.cos(angle), np.sin(angle), rng.uniform(-0.3, 0.3, count)], axis=1)
-    rim = rng.uniform(0.5, 2, (count, 1)) * rim @ np.linalg.qr(rng.normal(size=(3, 3)))[0]
-    return np.stack([np.zeros((count, 3)), rim, np.roll(rim, -1, axis=0)], axis=1)
+    turn = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+    rim = rng.uniform(0.5, 2, (count, 1)) * rim @ turn
+    return np.stack([np.zeros((count, 3)), rim, np.roll(rim, -1, axis=0)], axis=1), turn[2]
 
 
 def leaks(corners, o, d, real, device, rng):
@@ -327,16 +328,14 @@ def leaks(corners, o, d, real, device, rng):
 @pytest.mark.parametrize("size, distance", [(1.0, 0.0), (1.0, 1e3), (1e-10, 0.0), (1e10, 0.0)])
 @pytest.mark.parametrize("count", range(3, 13))
 def test_rays_never_leak_through_shared_edges_and_vertices(count, size, distance, real, device, rng):
-    corners = fan(rng, count)
-    normal = np.cross(corners[0, 1], corners[1, 1] if count > 3 else corners[0, 2])
-    normal /= np.linalg.norm(normal)
+    corners, axis = fan(rng, count)
     corners = rounded(size * (corners + distance * rng.normal(size=3)), real)
     rays = 1500
     along = rng.uniform(0, 0.9, (rays, 1)) * (rng.uniform(size=(rays, 1)) < 0.7)  # three in ten at the vertex
     apex, rim = corners[0, 0], corners[rng.integers(0, count, rays), 1]
     target = apex + along * (rim - apex)
-    # From both sides, within 60 degrees of the fan's axis: seen from there its triangles do not overlap.
-    way = normal * rng.choice([-1, 1], (rays, 1)) + rng.uniform(-0.4, 0.4, (rays, 3))
+    # From both sides, within 35 degrees of the axis: seen from there, too, the rim goes once around the target.
+    way = axis * rng.choice([-1, 1], (rays, 1)) + rng.uniform(-0.4, 0.4, (rays, 3))
     o = rounded(target + size * way * 10 ** rng.uniform(-2, 2, (rays, 1)), real)
     d = rounded(target - o, real)
     d[::2] = rounded(d[::2] * rng.uniform(0.1, 10, (len(d[::2]), 1)), real)
@@ -411,11 +410,9 @@ def test_filter_never_rejects_a_triangle_that_holds_the_origin(data, real, devic
 
 
 def test_filter_rejects_what_is_clearly_outside(real, device, rng):
-    a, b, c = (rounded(rng.uniform(0.1, 1, (500, 2)) * (1, 1 if k else -1), real) for k in range(3))
+    # All vertices to the right of the origin.
+    a, b, c = (rounded(rng.uniform((0.1, -1), (1, 1), (500, 2)), real) for _ in range(3))
     is_outside, *_ = launch(sheared_triangles(real), a, b, c, device=device)
-    signs = [oracle.edge_functions(*(oracle.exact(v[k]) for v in (a, b, c))) for k in range(500)]
-    # No triangle to the right of the origin holds it. Only where two products round to one number may it pass.
-    assert {-1, 1} <= set(signs[0])
     assert is_outside.all()
 
 
