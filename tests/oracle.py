@@ -211,16 +211,32 @@ def cells_of_ray(walls, o, d, t_start) -> dict:
     return cells
 
 
-def exact_inverse(m):
-    """(3, 3) long double inverse of a float64 matrix, by cofactors in rationals: no digit is lost to its condition."""
-    m = [[Fraction(float(x)) for x in row] for row in m]
+def long_double(values) -> np.ndarray:
+    """Fractions rounded to long double, for arithmetic on many at once."""
+    high = np.vectorize(float, otypes=[float])(values)
+    low = np.vectorize(lambda x, h: float(x - Fraction(h)), otypes=[float])(values, high)
+    return high.astype(np.longdouble) + low.astype(np.longdouble)
 
-    def cofactor(i, j):
-        rows, columns = [(i + 1) % 3, (i + 2) % 3], [(j + 1) % 3, (j + 2) % 3]
-        return m[rows[0]][columns[0]] * m[rows[1]][columns[1]] - m[rows[0]][columns[1]] * m[rows[1]][columns[0]]
 
-    determinant = sum(m[0][j] * cofactor(0, j) for j in range(3))
-    exact = [[cofactor(j, i) / determinant for j in range(3)] for i in range(3)]
-    high = np.array([[float(x) for x in row] for row in exact])
-    low = [[float(x - Fraction(h)) for x, h in zip(*rows, strict=True)] for rows in zip(exact, high, strict=True)]
-    return high.astype(np.longdouble) + np.array(low).astype(np.longdouble)
+def closest_triangles(o, d, vertices, faces):
+    """(t, face, clearance) of many rays, in long double, by the textbook: solve p0 + u e1 + v e2 = o + t d.
+
+    The clearance of a ray is how far it passes from any edge, in barycentric weights, or the sine at which it meets
+    any plane, whichever is least: where it is small, an answer in floating point may rightly differ.
+    """
+    o, d, corners = (np.asarray(x, np.longdouble) for x in (o, d, np.asarray(vertices)[faces]))
+    p0, e1, e2 = corners[:, 0], corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    normal = np.cross(e1, e2)
+    s = o[:, None] - p0
+    speed = -np.einsum("rk,fk->rf", d, normal)
+    across = np.cross(s, d[:, None])
+    u = np.einsum("rfk,fk->rf", across, e2) / speed
+    v = -np.einsum("rfk,fk->rf", across, e1) / speed
+    t = np.einsum("rfk,fk->rf", s, normal) / speed
+    margin = np.minimum(np.minimum(u, v), 1 - u - v)
+    sine = np.abs(speed) / (
+        np.linalg.norm(d.astype(float), axis=1)[:, None] * np.linalg.norm(normal.astype(float), axis=1)
+    )
+    t = np.where((margin >= 0) & (t >= 0), t, np.inf)
+    face = np.where(np.isfinite(t.min(axis=1)), t.argmin(axis=1), -1)
+    return t.min(axis=1).astype(float), face, np.minimum(np.abs(margin), sine).min(axis=1).astype(float)

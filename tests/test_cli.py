@@ -75,6 +75,7 @@ def test_no_clobber_refuses_to_replace(folder, capfd):
         pytest.param(("render", "ball.cfg", "--outputs", "colour"), "colour", id="unknown output"),
         pytest.param(("render", "ball.cfg", "-o", "none/x.png"), "no folder", id="no folder"),
         pytest.param(("render", "ball.cfg", "-o", "x.xyz"), "suffix", id="unknown suffix"),
+        pytest.param(("render", "ball.cfg", "-o", ".."), "a folder", id="output is a folder"),
         pytest.param(("render", "ball.cfg", "--colour"), "unrecognized", id="unknown option"),
         pytest.param(("paint",), "invalid choice", id="unknown command"),
         pytest.param((), "required", id="no command"),

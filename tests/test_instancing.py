@@ -107,7 +107,7 @@ def test_ill_conditioned_instances_keep_their_digits(condition, offset, device, 
         o = target - 3 * d
         hits = tracer.cast(o, d)
         # From the very float64 values that were given: the inverse exactly, the rest in long double.
-        w = oracle.exact_inverse(m[:3, :3])
+        w = oracle.long_double(oracle.inverse(oracle.exact(m[:3, :3])))
         p, v = (w @ (o - m[:3, 3]).T).T, (w @ d.T).T
         vv, pv = (v * v).sum(axis=1), (p * v).sum(axis=1)
         l = p - (pv / vv)[:, None] * v

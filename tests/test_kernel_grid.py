@@ -183,7 +183,7 @@ def test_step_follows_the_sign_of_the_direction(real, device):
 
 def walk(lo, cell, count, o, d, real, device, t_start=0.0, t_best=inf):
     """For each ray the cells (m, 3), t_in and t_out that it visits, in order."""
-    Ray, Trail, _ = structs(real)
+    _, Trail, _ = structs(real)
     cells = grid_struct(real)()
     cell = rounded(cell, real)
     cells.lo, cells.cell, cells.inv_cell, cells.count = rounded(lo, real), cell, 1 / cell, count
@@ -277,7 +277,7 @@ def assert_cells_hold_the_ray(lo, cell, count, o, d, t_start, trails, real):
     walls = [wall.astype(np.float64) for wall in walls_of(lo, cell, count, real)]
     lo, o, d, t_start = (np.asarray(v, dtype=np.float64) for v in (lo, o, d, t_start))
     upper = np.array([wall[-1] for wall in walls])
-    with np.errstate(divide="ignore"):
+    with np.errstate(divide="ignore", invalid="ignore"):
         t_end = np.where(d == 0, inf, (np.where(d > 0, upper, lo) - o) / d).min(axis=1)
     for k, (cells, t_in, t_out) in enumerate(trails):
         assert_steps_forward(cells, t_in, t_out, d[k])

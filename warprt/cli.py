@@ -11,7 +11,8 @@ import warp as wp
 
 from . import launch
 from ._version import __version__
-from .image import OUTPUTS
+from .files import require_writable
+from .image import OUTPUTS, file_kind
 from .scene_files import find_scene, load_scene, ready_scenes
 from .tracer import ACCELERATORS, TIERS, Tracer
 
@@ -96,8 +97,10 @@ def _render(options: argparse.Namespace) -> None:
     output = Path(options.output or f"{path.stem}.png")
     outputs = tuple(options.outputs.split(","))
     data = output.with_suffix(".npz") if outputs != ("color",) else None
-    for file in (output, data):
-        if options.no_clobber and file is not None and file.exists():
+    for file in {output, data} - {None}:
+        # Before the work is done, not after.
+        file_kind(require_writable(file))
+        if options.no_clobber and file.exists():
             raise FileExistsError(f"{file} exists already; leave out --no-clobber to replace it")
     tracer = Tracer(load_scene(path), options.accuracy, options.device, options.accelerator, options.threads)
     tracer.compile_render()

@@ -7,14 +7,24 @@ from pathlib import Path
 from typing import BinaryIO
 
 
-def write_whole(path: str | Path, write: Callable[[BinaryIO], None]) -> None:
-    """Calls write(file) on a temporary file beside `path`, then puts it in place; an error leaves no trace.
-
-    Raises FileNotFoundError when the folder does not exist, OSError when it cannot be written.
-    """
+def require_writable(path: str | Path) -> Path:
+    """The path, if a file can be put there. Raises OSError that names it otherwise."""
     path = Path(path)
     if not path.parent.is_dir():
         raise FileNotFoundError(f"cannot write {path}: there is no folder {path.parent}")
+    if path.is_dir():
+        raise IsADirectoryError(f"cannot write {path}: it is a folder")
+    if not os.access(path.parent, os.W_OK):
+        raise PermissionError(f"cannot write {path}: the folder {path.parent.resolve()} is read-only")
+    return path
+
+
+def write_whole(path: str | Path, write: Callable[[BinaryIO], None]) -> None:
+    """Calls write(file) on a temporary file beside `path`, then puts it in place; an error leaves no trace.
+
+    Raises OSError when the path cannot be written.
+    """
+    path = require_writable(path)
     handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
     try:
         with os.fdopen(handle, "wb") as file:

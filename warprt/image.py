@@ -28,6 +28,15 @@ def srgb(linear: np.ndarray) -> np.ndarray:
     return np.where(x <= 0.0031308, 12.92 * x, 1.055 * np.power(x, 1 / 2.4) - 0.055)
 
 
+def file_kind(path: str | Path) -> str:
+    """Pillow's name for the kind of picture that a suffix means, or "NPZ"; ValueError for one that means none."""
+    suffix = Path(path).suffix.lower()
+    kind = "NPZ" if suffix == ".npz" else PIL.Image.registered_extensions().get(suffix)
+    if kind is None or (kind != "NPZ" and kind not in PIL.Image.SAVE):
+        raise ValueError(f"cannot write {path}: use a suffix such as .png, or .npz for the data")
+    return kind
+
+
 class Image:
     """Arrays of shape (height, width, ...) by name; row 0 is on top.
 
@@ -76,14 +85,11 @@ class Image:
         The file is written whole or not at all. Raises ValueError for an unknown suffix, OSError if the path
         cannot be written.
         """
-        suffix = Path(path).suffix.lower()
-        if suffix == ".npz":
+        kind = file_kind(path)
+        if kind == "NPZ":
             write_whole(path, lambda file: np.savez_compressed(file, **self._arrays))
-            return
-        kind = PIL.Image.registered_extensions().get(suffix)
-        if kind not in PIL.Image.SAVE:
-            raise ValueError(f"cannot write {path}: use a suffix such as .png, or .npz for the data")
-        write_whole(path, lambda file: self.to_pil().save(file, format=kind))
+        else:
+            write_whole(path, lambda file: self.to_pil().save(file, format=kind))
 
 
 def _drawn(name: str, array: np.ndarray) -> np.ndarray:
