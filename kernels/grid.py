@@ -17,8 +17,8 @@ from .structs import grid_struct
 def cell_along(p: Real, lo: Real, inv_cell: Real, count: int):
     """Index along one axis of the cell that holds p; points outside count for the cell nearest to them."""
     x = wp.floor((p - lo) * inv_cell)
-    # Clamped before the cast, which is undefined outside the range of int.
-    return int(wp.clamp(x, type(x)(0.0), type(x)(count - 1)))
+    # Clamped before the cast, which is undefined outside the range of int: 2147483520 is the largest float32 in it.
+    return wp.min(int(wp.clamp(x, type(x)(0.0), type(x)(2147483520.0))), count - 1)
 
 
 @wp.func

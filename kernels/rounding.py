@@ -21,14 +21,18 @@ def unit_roundoff(x: wp.float64):
 def power_of_two_below(x: wp.float32):
     """2^-k with x 2^-k in [1, 2), for a positive normal x: scaling by it never rounds."""
     exponent = (wp.cast(x, wp.int32) >> wp.int32(23)) & wp.int32(255)
-    return wp.cast((wp.int32(254) - wp.clamp(exponent, wp.int32(1), wp.int32(253))) << wp.int32(23), wp.float32)
+    if exponent == wp.int32(254):
+        return wp.cast(wp.int32(1) << wp.int32(22), wp.float32)  # 2^-127, which is subnormal
+    return wp.cast((wp.int32(254) - exponent) << wp.int32(23), wp.float32)
 
 
 @wp.func
 def power_of_two_below(x: wp.float64):
     """2^-k with x 2^-k in [1, 2), for a positive normal x: scaling by it never rounds."""
     exponent = (wp.cast(x, wp.int64) >> wp.int64(52)) & wp.int64(2047)
-    return wp.cast((wp.int64(2046) - wp.clamp(exponent, wp.int64(1), wp.int64(2045))) << wp.int64(52), wp.float64)
+    if exponent == wp.int64(2046):
+        return wp.cast(wp.int64(1) << wp.int64(51), wp.float64)  # 2^-1023, which is subnormal
+    return wp.cast((wp.int64(2046) - exponent) << wp.int64(52), wp.float64)
 
 
 @wp.func

@@ -65,8 +65,12 @@ def make_surface(spec: Spec):
                 n = normal_sphere(p, shape.upper[0])
         if wp.static(has_box):
             if shape.kind == wp.static(int(ShapeKind.BOX)):
-                _is_hit, near, _far, near_axis, far_axis = roots_box(local.o, local.d, shape.lower, shape.upper)
-                axis = wp.where(local.scale * (local.start + near) == hit.t, near_axis, far_axis)
+                _is_hit, near, far, near_axis, far_axis, along = roots_box(local.o, local.d, shape.lower, shape.upper)
+                axis = along
+                if local.scale * (local.start + near) == hit.t:
+                    axis = near_axis
+                elif local.scale * (local.start + far) == hit.t:
+                    axis = far_axis
                 n = normal_box(p, shape.lower, shape.upper, axis)
                 p[axis] = wp.where(n[axis] > WIDE(0.0), shape.upper[axis], shape.lower[axis])
         if wp.static(has_plane):

@@ -58,10 +58,13 @@ def make_hit_instance(spec: Spec, any_hit: bool):
                     best = closer(local.scale * (local.start + far), i, 0, ray.t_min, ray.t_max, best)
         if wp.static(has_box):
             if shape.kind == wp.static(int(ShapeKind.BOX)):
-                is_hit, near, far, _near_axis, _far_axis = roots_box(local.o, local.d, shape.lower, shape.upper)
+                is_hit, near, far, _near, _far, along = roots_box(local.o, local.d, shape.lower, shape.upper)
                 if is_hit:
-                    best = closer(local.scale * (local.start + near), i, 0, ray.t_min, ray.t_max, best)
-                    best = closer(local.scale * (local.start + far), i, 0, ray.t_min, ray.t_max, best)
+                    t_near, t_far = local.scale * (local.start + near), local.scale * (local.start + far)
+                    best = closer(t_near, i, 0, ray.t_min, ray.t_max, best)
+                    if along >= 0 and t_near < ray.t_min and ray.t_min < t_far:
+                        best = closer(ray.t_min, i, 0, ray.t_min, ray.t_max, best)
+                    best = closer(t_far, i, 0, ray.t_min, ray.t_max, best)
         if wp.static(has_plane):
             if shape.kind == wp.static(int(ShapeKind.PLANE)):
                 is_hit, t = root_plane(local.o, local.d, shape.upper)

@@ -45,7 +45,7 @@ def boxes(real):
         axis[k] = wall
         if wall >= 0:
             normal[k] = box.normal_box(o[k] + root * d[k], lower[k], upper[k], wall)
-        any_root, first, last, _first_axis, _last_axis = box.roots_box(o[k], d[k], lower[k], upper[k])
+        any_root, first, last, _first_axis, _last_axis, _along = box.roots_box(o[k], d[k], lower[k], upper[k])
         is_hit[k] = any_root
         near[k] = first
         far[k] = last
