@@ -1,4 +1,4 @@
-"""Kernels that list items in the cells of a grid: count, scan, fill, all in float64.
+"""Kernels that list blocks of triangles, or boxes, in the cells of a grid: count, scan, fill, all in float64.
 
 Each item writes to its own range of (cell, item) pairs, so no atomics are needed and the order is the same on
 every device; a stable sort by cell then leaves the items of a cell ascending.
@@ -8,7 +8,9 @@ from functools import cache
 
 import warp as wp
 
+from .blocks import make_corner, slot_row
 from .grid import cell_id, cell_of
+from .rounding import OPTIONS
 from .structs import WIDE, grid_struct
 
 Grid = grid_struct(WIDE)
@@ -62,53 +64,141 @@ def first_slot(end: wp.array(dtype=wp.int64), k: int):
     return int(end[k - 1])
 
 
+@wp.func
+def spread_bits(x: wp.uint32):
+    """The ten low bits of x, two zeros between each."""
+    x = (x | (x << wp.uint32(16))) & wp.uint32(0x030000FF)
+    x = (x | (x << wp.uint32(8))) & wp.uint32(0x0300F00F)
+    x = (x | (x << wp.uint32(4))) & wp.uint32(0x030C30C3)
+    return (x | (x << wp.uint32(2))) & wp.uint32(0x09249249)
+
+
+@wp.func
+def morton_code(p: wp.vec3d):
+    """Place along the Morton curve of a point of [-1, 1]^3, 30 bits."""
+    q = wp.vec3ui()
+    for axis in range(3):
+        q[axis] = wp.uint32(wp.clamp((p[axis] + WIDE(1.0)) * WIDE(512.0), WIDE(0.0), WIDE(1023.0)))
+    return int((spread_bits(q[0]) << wp.uint32(2)) | (spread_bits(q[1]) << wp.uint32(1)) | spread_bits(q[2]))
+
+
 @cache
-def make_list_faces(real):
-    """Kernel that counts, or stores, the cells that each face of a mesh touches."""
+def make_sort_keys(real):
+    """Kernel that places each face along the Morton curve, so that blocks hold neighbours."""
+
+    @wp.kernel(module="unique", enable_backward=False, module_options=OPTIONS)
+    def sort_keys(
+        points: wp.array(dtype=real),  # [9 faces]  canonical p0 p1 p2 of each face
+        key: wp.array(dtype=wp.int32),
+        face: wp.array(dtype=wp.int32),
+    ):
+        k = wp.tid()
+        middle = wp.vec3d()
+        for axis in range(3):
+            i = 9 * k + axis
+            middle[axis] = (WIDE(points[i]) + WIDE(points[i + 3]) + WIDE(points[i + 6])) / WIDE(3.0)
+        key[k] = morton_code(middle)
+        face[k] = k
+
+    return sort_keys
+
+
+@cache
+def make_fill_blocks(real):
+    """Kernel that copies faces, in sorted order, into the lanes of blocks."""
+
+    @wp.kernel(module="unique", enable_backward=False, module_options=OPTIONS)
+    def fill_blocks(
+        points: wp.array(dtype=real),
+        sorted_face: wp.array(dtype=wp.int32),
+        face_count: int,
+        corner: wp.array(dtype=real),
+        face: wp.array(dtype=wp.int32),
+    ):
+        slot = wp.tid()
+        row = slot_row(slot)
+        if slot < face_count:
+            face[slot] = sorted_face[slot]
+            for k in range(9):
+                corner[row + 8 * k] = points[9 * sorted_face[slot] + k]
+        else:
+            face[slot] = -1
+            for k in range(9):
+                corner[row + 8 * k] = real(0.0)
+
+    return fill_blocks
+
+
+@cache
+def make_list_blocks(real):
+    """Kernel that counts, or stores, the cells that each block touches, with its padded bounds within each."""
+    corner = make_corner(real)
 
     @wp.func
-    def corner(corners: wp.array(dtype=real), face: int, k: int) -> wp.vec3d:
-        i = 9 * face + 3 * k
-        return wp.vec3d(WIDE(corners[i]), WIDE(corners[i + 1]), WIDE(corners[i + 2]))
+    def store_bounds(bounds: wp.array(dtype=real), slot: int, lower: wp.vec3d, upper: wp.vec3d):
+        for axis in range(3):
+            bounds[6 * slot + axis] = real(lower[axis])
+            bounds[6 * slot + 3 + axis] = real(upper[axis])
 
-    @wp.kernel(module="unique", enable_backward=False)
-    def list_faces(
+    @wp.kernel(module="unique", enable_backward=False, module_options=OPTIONS)
+    def list_blocks(
         grid: Grid,
         corners: wp.array(dtype=real),
+        face: wp.array(dtype=wp.int32),
         pad: WIDE,  # widens each cell on all sides
-        stores: bool,  # False: end[k] becomes the count of face k; True: its pairs end at end[k]
+        stores: bool,  # False: end[k] becomes the count of block k; True: its pairs end at end[k]
         end: wp.array(dtype=wp.int64),
         cell: wp.array(dtype=wp.int32),
-        item: wp.array(dtype=wp.int32),
+        pair: wp.array(dtype=wp.int32),  # numbers of the pairs, to be sorted by cell
+        listed: wp.array(dtype=wp.int32),  # the block of each pair
+        bounds: wp.array(dtype=real),  # [6 pairs]
     ):
-        face = wp.tid()
-        a, b, c = corner(corners, face, 0), corner(corners, face, 1), corner(corners, face, 2)
+        block = wp.tid()
         pads = wp.vec3d(pad, pad, pad)
-        first = cell_of(wp.min(wp.min(a, b), c) - pads, grid.lo, grid.inv_cell, grid.count)
-        last = cell_of(wp.max(wp.max(a, b), c) + pads, grid.lo, grid.inv_cell, grid.count)
+        least, most = wp.vec3d(WIDE(wp.inf)), wp.vec3d(WIDE(-wp.inf))
+        for lane in range(8):
+            if face[8 * block + lane] >= 0:
+                row = slot_row(8 * block + lane)
+                for j in range(3):
+                    least = wp.min(least, corner(corners, row, j))
+                    most = wp.max(most, corner(corners, row, j))
+        first = cell_of(least - pads, grid.lo, grid.inv_cell, grid.count)
+        last = cell_of(most + pads, grid.lo, grid.inv_cell, grid.count)
         half = WIDE(0.5) * grid.cell + pads
-        is_alone = first == last
         slot = int(0)
         if stores:
-            slot = first_slot(end, face)
+            slot = first_slot(end, block)
         count = wp.int64(0)
         for x in range(first[0], last[0] + 1):
             for y in range(first[1], last[1] + 1):
                 for z in range(first[2], last[2] + 1):
-                    if is_alone or touches_triangle(cell_center(grid, x, y, z), half, a, b, c):
+                    center = cell_center(grid, x, y, z)
+                    lower, upper = center + half, center - half
+                    is_touched = bool(False)
+                    for lane in range(8):
+                        if face[8 * block + lane] >= 0:
+                            row = slot_row(8 * block + lane)
+                            a, b, c = corner(corners, row, 0), corner(corners, row, 1), corner(corners, row, 2)
+                            if touches_triangle(center, half, a, b, c):
+                                is_touched = True
+                                lower = wp.min(lower, wp.max(wp.min(wp.min(a, b), c) - pads, center - half))
+                                upper = wp.max(upper, wp.min(wp.max(wp.max(a, b), c) + pads, center + half))
+                    if is_touched:
                         if stores:
                             cell[slot] = cell_id(x, y, z, grid.count)
-                            item[slot] = face
+                            pair[slot] = slot
+                            listed[slot] = block
+                            store_bounds(bounds, slot, lower, upper)
                             slot += 1
                         else:
                             count += wp.int64(1)
         if not stores:
-            end[face] = count
+            end[block] = count
 
-    return list_faces
+    return list_blocks
 
 
-@wp.kernel(module="unique", enable_backward=False)
+@wp.kernel(module="unique", enable_backward=False, module_options=OPTIONS)
 def list_boxes(
     grid: Grid,
     lower: wp.array(dtype=wp.vec3d),
@@ -135,7 +225,7 @@ def list_boxes(
                 slot += 1
 
 
-@wp.kernel(module="unique", enable_backward=False)
+@wp.kernel(module="unique", enable_backward=False, module_options=OPTIONS)
 def find_starts(cell: wp.array(dtype=wp.int32), pair_count: int, start: wp.array(dtype=wp.int32)):
     """start[c]: the first of the sorted pairs whose cell is not below c."""
     c = wp.tid()
@@ -144,3 +234,43 @@ def find_starts(cell: wp.array(dtype=wp.int32), pair_count: int, start: wp.array
         start[c] = pair_count
     else:
         start[c] = wp.lower_bound(cell, 0, pair_count, c)
+
+
+@wp.kernel(module="unique", enable_backward=False, module_options=OPTIONS)
+def count_groups(pair_start: wp.array(dtype=wp.int32), end: wp.array(dtype=wp.int32)):
+    """end[c + 1]: the groups of 8 pairs that cell c needs; end[0] = 0."""
+    c = wp.tid()
+    if c == 0:
+        end[0] = 0
+    end[c + 1] = (pair_start[c + 1] - pair_start[c] + 7) / 8
+
+
+@cache
+def make_fill_groups(real):
+    """Kernel that stores the blocks of a cell, and their bounds, in groups of 8; no ray meets the unused lanes."""
+
+    @wp.kernel(module="unique", enable_backward=False, module_options=OPTIONS)
+    def fill_groups(
+        pair_start: wp.array(dtype=wp.int32),
+        sorted_pair: wp.array(dtype=wp.int32),
+        listed: wp.array(dtype=wp.int32),
+        bounds: wp.array(dtype=real),
+        start: wp.array(dtype=wp.int32),
+        item: wp.array(dtype=wp.int32),
+        box: wp.array(dtype=real),
+    ):
+        c = wp.tid()
+        for k in range(8 * start[c], 8 * start[c + 1]):
+            q = pair_start[c] + k - 8 * start[c]
+            row = (k >> 3) * 48 + (k & 7)
+            if q < pair_start[c + 1]:
+                item[k] = listed[sorted_pair[q]]
+                for side in range(6):
+                    box[row + 8 * side] = bounds[6 * sorted_pair[q] + side]
+            else:
+                item[k] = -1
+                for side in range(3):
+                    box[row + 8 * side] = real(wp.inf)
+                    box[row + 24 + 8 * side] = real(-wp.inf)
+
+    return fill_groups

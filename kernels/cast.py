@@ -4,13 +4,11 @@ from functools import cache
 
 import warp as wp
 
+from .rounding import OPTIONS
 from .spec import Spec
 from .structs import WIDE, hit_arrays_struct, rays_struct, scene_struct, vec3
 from .surface import leave, make_surface
-from .trace import make_trace
-
-OPTIONS = {"fast_math": False, "fuse_fp": False}
-"""Rounding counts and exact signs need each operation rounded on its own, whatever the user's global options."""
+from .trace import make_primitive_id, make_trace
 
 Rays = rays_struct()
 
@@ -30,7 +28,7 @@ def make_cast(spec: Spec, full: bool):
     real = spec.real
     vec, vec2 = vec3(real), wp.types.vector(2, real)
     Scene, Arrays = scene_struct(spec), hit_arrays_struct(real)
-    trace = make_trace(spec, False)
+    trace, primitive_id = make_trace(spec, False), make_primitive_id(spec)
     surface = make_surface(spec) if full else None
 
     @wp.kernel(module="unique", enable_backward=False, module_options=OPTIONS)
@@ -46,7 +44,7 @@ def make_cast(spec: Spec, full: bool):
         if hits.instance_id.shape[0] > 0:
             hits.instance_id[k] = hit.instance
         if hits.primitive_id.shape[0] > 0:
-            hits.primitive_id[k] = hit.primitive
+            hits.primitive_id[k] = primitive_id(scene, hit)
         if wp.static(full):
             position, normal, uv, t_error = vec(), vec(), vec2(), real(0.0)
             if is_hit:

@@ -1,14 +1,15 @@
-"""Closest or any face of one mesh: the walk through its grid, or a test of each face."""
+"""Closest or any triangle of one mesh: the walk through its grid, or a test of each block."""
 
 from functools import cache
 
 import warp as wp
 
+from .blocks import lowest_lane, make_boxes_met, make_candidates, slot_row
 from .grid import make_walk
 from .rounding import safe_reciprocal
 from .spec import Spec
 from .structs import WIDE, face_hit_struct, face_ray_struct, grid_struct, local_ray_struct, mesh_struct, vec3
-from .triangle import edge_weights, is_outside, shear_axes
+from .triangle import edge_weights, shear_axes
 
 
 @cache
@@ -56,77 +57,93 @@ def make_in_range(real):
 
 
 @cache
-def make_hit_face(spec: Spec):
-    """Ray against one face, as `hit_triangle`, with the shear taken from the ray."""
+def make_hit_slot(spec: Spec):
+    """Ray against the triangle of one slot, as `hit_triangle`, with the shear taken from the ray."""
     real = spec.real
     Mesh, FaceRay = mesh_struct(spec.real, spec.mesh_grid), face_ray_struct(real)
 
     @wp.func
-    def hit_face(mesh: Mesh, ray: FaceRay, face: int):
-        k = 9 * face
-        az = mesh.corner[k + ray.kz] - ray.oz
-        bz = mesh.corner[k + ray.kz + 3] - ray.oz
-        cz = mesh.corner[k + ray.kz + 6] - ray.oz
-        ax = (mesh.corner[k + ray.kx] - ray.ox) - ray.sx * az
-        bx = (mesh.corner[k + ray.kx + 3] - ray.ox) - ray.sx * bz
-        cx = (mesh.corner[k + ray.kx + 6] - ray.ox) - ray.sx * cz
-        ay = (mesh.corner[k + ray.ky] - ray.oy) - ray.sy * az
-        by = (mesh.corner[k + ray.ky + 3] - ray.oy) - ray.sy * bz
-        cy = (mesh.corner[k + ray.ky + 6] - ray.oy) - ray.sy * cz
-        zero = WIDE(0.0)
-        if is_outside(ax, ay, bx, by, cx, cy):
-            return False, zero, zero, zero
+    def hit_slot(mesh: Mesh, ray: FaceRay, slot: int):
+        row = slot_row(slot)
+        kx, ky, kz = row + 8 * ray.kx, row + 8 * ray.ky, row + 8 * ray.kz
+        az = mesh.corner[kz] - ray.oz
+        bz = mesh.corner[kz + 24] - ray.oz
+        cz = mesh.corner[kz + 48] - ray.oz
+        ax = (mesh.corner[kx] - ray.ox) - ray.sx * az
+        bx = (mesh.corner[kx + 24] - ray.ox) - ray.sx * bz
+        cx = (mesh.corner[kx + 48] - ray.ox) - ray.sx * cz
+        ay = (mesh.corner[ky] - ray.oy) - ray.sy * az
+        by = (mesh.corner[ky + 24] - ray.oy) - ray.sy * bz
+        cy = (mesh.corner[ky + 48] - ray.oy) - ray.sy * cz
         is_hit, wa, wb, wc = edge_weights(ax, ay, bx, by, cx, cy)
         total = wa + wb + wc
+        zero = WIDE(0.0)
         if not is_hit:
             return False, zero, zero, zero
         t = (wa * WIDE(az) + wb * WIDE(bz) + wc * WIDE(cz)) / (total * ray.dz)
         return True, t, wb / total, wc / total
 
-    return hit_face
+    return hit_slot
 
 
 @cache
 def make_hit_faces(spec: Spec, any_hit: bool):
-    """Best face of a mesh. With any_hit, the first one found, marked by t = -inf."""
-    Mesh, FaceRay, FaceHit = mesh_struct(spec.real, spec.mesh_grid), face_ray_struct(spec.real), face_hit_struct()
-    hit_face, in_range = make_hit_face(spec), make_in_range(spec.real)
+    """Best triangle of a mesh. With any_hit, the first one found, marked by t = -inf."""
+    real = spec.real
+    Mesh, FaceRay, FaceHit = mesh_struct(real, spec.mesh_grid), face_ray_struct(real), face_hit_struct()
+    hit_slot, in_range = make_hit_slot(spec), make_in_range(real)
+    candidates = make_candidates(real)
 
     @wp.func
-    def try_face(mesh: Mesh, ray: FaceRay, face: int, best: FaceHit) -> FaceHit:
-        is_hit, t, _u, _v = hit_face(mesh, ray, face)
-        if is_hit and in_range(ray.scale * (ray.start + t), ray.t_min, ray.t_max):
-            if t < best.t or (t == best.t and face < best.face):
+    def try_slot(mesh: Mesh, ray: FaceRay, slot: int, best: FaceHit) -> FaceHit:
+        is_hit, t, _u, _v = hit_slot(mesh, ray, slot)
+        if is_hit and t <= best.t and in_range(ray.scale * (ray.start + t), ray.t_min, ray.t_max):
+            is_better = t < best.t
+            if not is_better and best.slot >= 0:
+                is_better = mesh.face[slot] < mesh.face[best.slot]
+            if is_better:
                 best.t = t
-                best.face = face
+                best.slot = slot
                 if wp.static(any_hit):
                     best.t = WIDE(-wp.inf)
+        return best
+
+    @wp.func
+    def try_block(mesh: Mesh, ray: FaceRay, block: int, best: FaceHit) -> FaceHit:
+        left = candidates(mesh.corner, block, ray.kx, ray.ky, ray.kz, ray.ox, ray.oy, ray.oz, ray.sx, ray.sy)
+        while left != 0:
+            best = try_slot(mesh, ray, 8 * block + lowest_lane(left), best)
+            left = left & (left - 1)
         return best
 
     if not spec.mesh_grid:
 
         @wp.func
-        def hit_every_face(mesh: Mesh, ray: FaceRay, best: FaceHit) -> FaceHit:
-            for face in range(mesh.face_count):
-                best = try_face(mesh, ray, face, best)
+        def hit_every_block(mesh: Mesh, ray: FaceRay, best: FaceHit) -> FaceHit:
+            for block in range(mesh.block_count):
+                best = try_block(mesh, ray, block, best)
             return best
 
-        return hit_every_face
+        return hit_every_block
 
-    Grid = grid_struct(spec.real)
+    Grid = grid_struct(real)
+    boxes_met = make_boxes_met(real)
 
     @wp.func
-    def visit_faces(
-        grid: Grid, mesh: Mesh, ray: FaceRay, cell: int, t_in: spec.real, t_out: spec.real, best: FaceHit
+    def visit_groups(
+        grid: Grid, mesh: Mesh, ray: FaceRay, cell: int, t_in: real, t_out: real, best: FaceHit
     ) -> FaceHit:
-        for k in range(grid.start[cell], grid.start[cell + 1]):
-            best = try_face(mesh, ray, grid.item[k], best)
+        for group in range(grid.start[cell], grid.start[cell + 1]):
+            left = boxes_met(mesh.box, group, ray.o, ray.inv_d, real(best.t))
+            while left != 0:
+                best = try_block(mesh, ray, grid.item[8 * group + lowest_lane(left)], best)
+                left = left & (left - 1)
         return best
 
-    walk = make_walk(spec.real, visit_faces)
+    walk = make_walk(real, visit_groups)
 
     @wp.func
     def hit_faces(mesh: Mesh, ray: FaceRay, best: FaceHit) -> FaceHit:
-        return walk(mesh.grid, mesh, ray, spec.real(0.0), best)
+        return walk(mesh.grid, mesh, ray, real(0.0), best)
 
     return hit_faces

@@ -5,7 +5,7 @@ from functools import cache
 import warp as wp
 
 from .camera import primary_direction, sample_position
-from .cast import OPTIONS
+from .rounding import OPTIONS
 from .shade import make_radiance
 from .spec import Look
 from .structs import camera_struct, look_struct, scene_struct

@@ -4,6 +4,10 @@ import warp as wp
 
 from .generic import Real, Vec3
 
+OPTIONS = {"fast_math": False, "fuse_fp": False}
+"""Of every module: rounding counts and exact signs need each operation rounded on its own, whatever the user's global
+options are."""
+
 
 @wp.func
 def unit_roundoff(x: wp.float32):

@@ -40,11 +40,15 @@ def grid_struct(real):
 def mesh_struct(real, has_grid: bool):
     """A triangle mesh in its canonical space: centred, longest half extent in [1/2, 1], by a power of two."""
     fields = {
-        "face_count": wp.int32,
-        "corner": wp.array(dtype=real),  # [9 faces]  p0 p1 p2 of a face; faces without area are three equal points
+        "block_count": wp.int32,
+        "corner": wp.array(dtype=real),  # [72 blocks]  see blocks.py; a face without area is three equal points
+        "face": wp.array(dtype=wp.int32),  # [8 blocks]  the user's face in each slot, -1 in the unused ones at the end
     }
     if has_grid:
-        fields["grid"] = grid_struct(real)
+        fields |= {
+            "grid": grid_struct(real),  # its items are blocks, in groups of 8; start counts groups
+            "box": wp.array(dtype=real),  # [48 groups]  padded bounds of each block within the cell
+        }
     return make_struct("Mesh", fields)
 
 
@@ -158,17 +162,17 @@ def face_ray_struct(real):
 @cache
 def face_hit_struct():
     """Best hit within one mesh; t is that of the local ray."""
-    return make_struct("FaceHit", {"t": WIDE, "face": wp.int32})
+    return make_struct("FaceHit", {"t": WIDE, "slot": wp.int32})
 
 
 @cache
 def hit_struct():
-    """Best hit over all instances. A miss has instance -1."""
+    """Best hit over all instances. A miss has instance -1; on a mesh, the primitive is a slot of its blocks."""
     return make_struct("Hit", {"t": WIDE, "instance": wp.int32, "primitive": wp.int32})
 
 
 @cache
-def trail_struct():
+def trail_struct(real):
     """Where the cells that a ray pierces are written; while they are only counted, the arrays are empty."""
     return make_struct(
         "Trail",
@@ -176,7 +180,8 @@ def trail_struct():
             "cell": wp.array(dtype=wp.vec3i),
             "t_enter": wp.array(dtype=WIDE),
             "t_exit": wp.array(dtype=WIDE),
-            "candidates": wp.array(dtype=wp.int32),
+            "candidates": wp.array(dtype=wp.int32),  # triangles whose blocks' boxes the ray meets
+            "box": wp.array(dtype=real),  # that of the mesh which is walked
         },
     )
 

@@ -4,8 +4,9 @@ from functools import cache
 
 import warp as wp
 
+from .blocks import make_corner, slot_row
 from .box import normal_box, roots_box
-from .faces import make_face_ray, make_hit_face
+from .faces import make_face_ray, make_hit_slot
 from .instance import make_enter
 from .rounding import unit_roundoff
 from .spec import ShapeKind, Spec
@@ -47,7 +48,9 @@ def make_surface(spec: Spec):
     has_box = ShapeKind.BOX in spec.shapes
     has_plane = ShapeKind.PLANE in spec.shapes
     has_mesh = spec.has_mesh
-    face_ray, hit_face = (make_face_ray(spec), make_hit_face(spec)) if has_mesh else (None, None)
+    face_ray, hit_slot = (make_face_ray(spec), make_hit_slot(spec)) if has_mesh else (None, None)
+
+    corner = make_corner(real)
 
     @wp.func
     def surface(scene: Scene, o: wp.vec3d, d: wp.vec3d, t_min: WIDE, hit: Hit) -> Surface:
@@ -81,13 +84,12 @@ def make_surface(spec: Spec):
         if wp.static(has_mesh):
             if shape.kind == wp.static(int(ShapeKind.MESH)):
                 mesh = scene.mesh[shape.mesh]
-                _is_hit, _t, u, v = hit_face(mesh, face_ray(local, t_min, t_min), hit.primitive)
+                _is_hit, _t, u, v = hit_slot(mesh, face_ray(local, t_min, t_min), hit.primitive)
                 s.u = u
                 s.v = v
-                k = 9 * hit.primitive
-                p0 = wp.vec3d(WIDE(mesh.corner[k]), WIDE(mesh.corner[k + 1]), WIDE(mesh.corner[k + 2]))
-                e1 = wp.vec3d(WIDE(mesh.corner[k + 3]), WIDE(mesh.corner[k + 4]), WIDE(mesh.corner[k + 5])) - p0
-                e2 = wp.vec3d(WIDE(mesh.corner[k + 6]), WIDE(mesh.corner[k + 7]), WIDE(mesh.corner[k + 8])) - p0
+                row = slot_row(hit.primitive)
+                p0 = corner(mesh.corner, row, 0)
+                e1, e2 = corner(mesh.corner, row, 1) - p0, corner(mesh.corner, row, 2) - p0
                 p = p0 + s.u * e1 + s.v * e2
                 n = unit(wp.cross(e1, e2))
                 # Of the tier's arithmetic: o, d and the sheared corners carry about 25 roundings of terms up to 2.

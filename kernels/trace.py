@@ -73,20 +73,38 @@ def make_hit_instance(spec: Spec, any_hit: bool):
         if wp.static(has_mesh):
             if shape.kind == wp.static(int(ShapeKind.MESH)):
                 face = FaceHit()
-                face.face = -1
+                face.slot = -1
                 reach = best.t / local.scale
                 face.t = reach - local.start + WIDE(4.0) * unit_roundoff(reach) * (wp.abs(reach) + wp.abs(local.start))
                 face = hit_faces(scene.mesh[shape.mesh], face_ray(local, ray.t_min, ray.t_max), face)
-                if face.face >= 0:
+                if face.slot >= 0:
                     if wp.static(any_hit):
                         best.t = face.t
                         best.instance = i
                     else:
                         t = local.scale * (local.start + face.t)
-                        best = closer(t, i, face.face, ray.t_min, ray.t_max, best)
+                        best = closer(t, i, face.slot, ray.t_min, ray.t_max, best)
         return best
 
     return hit_instance
+
+
+@cache
+def make_primitive_id(spec: Spec):
+    """The user's number of what was hit: of a face on a mesh, 0 on other shapes, -1 for a miss."""
+    Scene, Hit = scene_struct(spec), hit_struct()
+    has_mesh = spec.has_mesh
+
+    @wp.func
+    def primitive_id(scene: Scene, hit: Hit) -> int:
+        if wp.static(has_mesh):
+            if hit.instance >= 0:
+                shape = scene.shape[scene.instances.shape[hit.instance]]
+                if shape.kind == wp.static(int(ShapeKind.MESH)):
+                    return scene.mesh[shape.mesh].face[hit.primitive]
+        return hit.primitive
+
+    return primitive_id
 
 
 @cache

@@ -144,18 +144,22 @@ def grid_over(lower, upper, count, real):
     return cells, walls
 
 
-def lists(kernel, cells, arguments, items, device):
-    """(start, item) in CSR form: count, running sum, fill, stable sort by cell, starts."""
+def lists(kernel, cells, arguments, items, device, outputs=lambda pairs: ()):
+    """(start, item, order) in CSR form: count, running sum, fill, stable sort by cell, starts.
+
+    `outputs` allocates what the kernel stores besides cells and items; `order` is what the sort did to the pairs.
+    """
     total = int(np.prod(cells.count))
     end = wp.zeros(items, dtype=wp.int64, device=device)
-    wp.launch(kernel, dim=items, inputs=[cells, *arguments, False, end, None, None], device=device)
+    nothing = [None] * (2 + len(outputs(0)))
+    wp.launch(kernel, dim=items, inputs=[cells, *arguments, False, end, *nothing], device=device)
     ends = np.cumsum(end.numpy())
     pairs = int(ends[-1])
     assert pairs > 0
     end = wp.array(ends, dtype=wp.int64, device=device)
     # Filled with what no kernel writes, to see that each place is written.
     cell, item = (wp.full(pairs, -7, dtype=wp.int32, device=device) for _ in range(2))
-    wp.launch(kernel, dim=items, inputs=[cells, *arguments, True, end, cell, item], device=device)
+    wp.launch(kernel, dim=items, inputs=[cells, *arguments, True, end, cell, item, *outputs(pairs)], device=device)
     order = np.argsort(cell.numpy(), kind="stable")
     sorted_cell = wp.array(cell.numpy()[order], dtype=wp.int32, device=device)
     start = wp.zeros(total + 1, dtype=wp.int32, device=device)
@@ -167,7 +171,7 @@ def lists(kernel, cells, arguments, items, device):
     assert cell.numpy().min(initial=0) >= 0
     for first, last in pairwise(start):
         assert np.all(np.diff(item[first:last]) > 0), "ascending, and each item once"
-    return start, item
+    return start, item, order
 
 
 def cells_by_item(start, item, count):
@@ -179,15 +183,41 @@ def cells_by_item(start, item, count):
     return found
 
 
-def list_faces(corners, count, real, device, lower=None, upper=None):
-    """(cells of each face, walls, pad) of a grid over the bounds of triangles, padded as the host does."""
+def blocks_of(corners, real, device):
+    """(corner, face): a block for each row of up to eight triangles, (n, lanes, 3, 3), the other lanes unused."""
+    rows = np.zeros((len(corners), 9, 8), dtype=scalar_of(real))
+    lanes = corners.shape[1]
+    rows[:, :, :lanes] = corners.reshape(len(corners), lanes, 9).transpose(0, 2, 1)
+    face = np.full((len(corners), 8), -1, dtype=np.int32)
+    face[:, :lanes] = np.arange(len(corners) * lanes).reshape(-1, lanes)
+    return wp.array(rows.ravel(), dtype=real, device=device), wp.array(face.ravel(), dtype=wp.int32, device=device)
+
+
+def list_blocks(corners, count, real, device, lower=None, upper=None):
+    """(cells of each block, walls, pad, {(block, cell): bounds}), with a grid padded as the host does."""
     pad = 64 * roundoff(real)
-    lower = corners.min(axis=(0, 1)) - 2 * pad if lower is None else np.array(lower, dtype=float)
-    upper = corners.max(axis=(0, 1)) + 2 * pad if upper is None else np.array(upper, dtype=float)
+    lower = corners.min(axis=(0, 1, 2)) - 2 * pad if lower is None else np.array(lower, dtype=float)
+    upper = corners.max(axis=(0, 1, 2)) + 2 * pad if upper is None else np.array(upper, dtype=float)
     cells, walls = grid_over(lower, upper, count, real)
-    corner = wp.array(corners.astype(scalar_of(real)).ravel(), dtype=real, device=device)
-    start, item = lists(build.make_list_faces(real), cells, [corner, wp.float64(pad)], len(corners), device)
-    return cells_by_item(start, item, count), walls, Fraction(pad)
+    stored = []
+
+    def outputs(pairs):
+        stored[:] = wp.zeros(pairs, dtype=wp.int32, device=device), wp.zeros(6 * pairs, dtype=real, device=device)
+        return stored
+
+    arguments = [*blocks_of(corners, real, device), wp.float64(pad)]
+    start, pair, _ = lists(build.make_list_blocks(real), cells, arguments, len(corners), device, outputs)
+    block, bounds = stored[0].numpy()[pair], stored[1].numpy().reshape(-1, 6)[pair]
+    found = cells_by_item(start, block, count)
+    cell = [
+        tuple(int(x) for x in np.unravel_index(c, count)) for c in np.repeat(np.arange(len(start) - 1), np.diff(start))
+    ]
+    return found, walls, Fraction(pad), dict(zip(zip(block.tolist(), cell, strict=True), bounds, strict=True))
+
+
+def list_faces(corners, count, real, device, lower=None, upper=None):
+    """(cells of each face, walls, pad), each face in a block of its own."""
+    return list_blocks(corners[:, None], count, real, device, lower, upper)[:3]
 
 
 def assert_listed_where_touched(found, walls, pad, corners):
@@ -257,6 +287,58 @@ def test_mesh_of_one_point_is_listed(real, device):
     assert found == {0: {(1, 1, 1)}, 1: {(1, 1, 1)}}
 
 
+@pytest.mark.parametrize("lanes", [2, 8])
+def test_block_is_listed_where_any_of_its_triangles_touches(lanes, real, device, rng):
+    corners = rounded(rng.uniform(-0.7, 0.7, (12, lanes, 1, 3)) + 0.2 * rng.uniform(-1, 1, (12, lanes, 3, 3)), real)
+    found, walls, pad, _ = list_blocks(corners, (4, 3, 5), real, device)
+    for k, block in enumerate(oracle.exact(corners)):
+        assert set().union(*(oracle.cells_of_triangle(walls, triangle) for triangle in block)) <= found[k]
+        assert found[k] <= set().union(*(oracle.cells_of_triangle(walls, triangle, 2 * pad) for triangle in block))
+
+
+def test_bounds_of_a_block_hold_what_of_it_lies_in_the_cell(real, device, rng):
+    corners = rounded(rng.uniform(-0.7, 0.7, (12, 4, 1, 3)) + 0.2 * rng.uniform(-1, 1, (12, 4, 3, 3)), real)
+    _, walls, pad, bounds = list_blocks(corners, (4, 3, 5), real, device)
+    weights = rng.dirichlet((0.7, 0.7, 0.7), (12, 4, 400))
+    points = np.einsum("blsk,blkj->blsj", weights, corners).reshape(12, -1, 3)
+    seen = 0
+    for (block, cell), box in bounds.items():
+        low, high = (np.array([float(walls[a][cell[a] + side]) for a in range(3)]) for side in (0, 1))
+        inside = points[block][((points[block] >= low) & (points[block] <= high)).all(axis=1)]
+        seen += len(inside)
+        assert (inside >= box[:3]).all()
+        assert (inside <= box[3:]).all()
+        # No larger than the cell, nor than the block.
+        assert (box[:3] >= np.maximum(low, corners[block].min(axis=(0, 1))) - 2 * float(pad)).all()
+        assert (box[3:] <= np.minimum(high, corners[block].max(axis=(0, 1))) + 2 * float(pad)).all()
+    assert seen > 10_000
+
+
+def test_groups_hold_the_blocks_of_each_cell_in_order(real, device):
+    counts = np.array([0, 3, 8, 0, 9, 1])
+    start = np.concatenate([[0], np.cumsum(counts)]).astype(np.int32)
+    order = np.random.default_rng(7).permutation(start[-1]).astype(np.int32)
+    listed, bounds = np.arange(start[-1], dtype=np.int32) + 100, np.arange(6 * start[-1]).astype(scalar_of(real))
+    pair_start, pair, listed_blocks = (wp.array(x, dtype=wp.int32, device=device) for x in (start, order, listed))
+    group = wp.full(7, -7, dtype=wp.int32, device=device)
+    wp.launch(build.count_groups, dim=6, inputs=[pair_start, group], device=device)
+    np.testing.assert_array_equal(group.numpy(), [0, *np.ceil(counts / 8)])
+    wp.utils.array_scan(group, group, inclusive=True)
+    item = wp.full(8 * 5, -7, dtype=wp.int32, device=device)
+    box = wp.full(48 * 5, -7.0, dtype=real, device=device)
+    inputs = [pair_start, pair, listed_blocks, wp.array(bounds, dtype=real, device=device), group, item, box]
+    wp.launch(build.make_fill_groups(real), dim=6, inputs=inputs, device=device)
+    box = box.numpy().reshape(5, 6, 8).transpose(0, 2, 1).reshape(40, 6)
+    for c, first in enumerate(group.numpy()[:-1]):
+        mine = order[start[c] : start[c + 1]]
+        slots = slice(8 * first, 8 * first + len(mine))
+        np.testing.assert_array_equal(item.numpy()[slots], listed[mine])
+        np.testing.assert_array_equal(box[slots], bounds.reshape(-1, 6)[mine])
+        unused = slice(8 * first + len(mine), 8 * group.numpy()[c + 1])
+        np.testing.assert_array_equal(item.numpy()[unused], -1)
+        assert (box[unused, :3] > box[unused, 3:]).all()
+
+
 # ------------------------------------------------------------------------------------------ boxes
 
 
@@ -268,7 +350,7 @@ def list_boxes(lower, upper, chosen, lo, hi, count, device):
         wp.array(np.asarray(upper, dtype=np.float64), dtype=wp.vec3d, device=device),
         wp.array(np.asarray(chosen), dtype=wp.int32, device=device),
     ]
-    start, item = lists(build.list_boxes, cells, arguments, len(chosen), device)
+    start, item, _ = lists(build.list_boxes, cells, arguments, len(chosen), device)
     return cells_by_item(start, item, count), walls
 
 

@@ -31,7 +31,7 @@ class DeviceScene:
 
     def grids(self) -> list:
         """The grid of each mesh, as kernels take it."""
-        return [mesh.grid.struct for mesh in self.meshes]
+        return [mesh.lists.struct for mesh in self.meshes]
 
     @property
     def bytes(self) -> int:
@@ -56,7 +56,7 @@ def assemble(scene: Scene, real: type, device: wp.Device, has_grid: bool) -> Dev
     struct = scene_struct(spec)()
     struct.shape = _shape_array(shapes, canonicals, mesh_number, spec, device)
     if spec.has_mesh:
-        structs = [mesh.struct(real) for mesh in meshes]
+        structs = [mesh.struct() for mesh in meshes]
         struct.mesh = wp.array(structs, dtype=mesh_struct(real, has_grid), device=device)
     struct.instances = placements.struct(instances_struct(spec.instance_grid))
     return DeviceScene(spec, struct, placements, meshes, mesh_number)

@@ -12,7 +12,7 @@ from warprt.kernels.structs import grid_struct
 
 from .launch import load
 
-FACES_PER_CELL = 0.25
+FACES_PER_CELL = 20.0
 """Chosen by measurement: benchmarks/results."""
 MAX_CELLS = 2**31 - 2
 """Cells are numbered by int32."""
@@ -59,17 +59,16 @@ def require_memory(needed: int, what: str, device: wp.Device) -> None:
 
 @dataclass
 class CellLists:
-    """A grid on a device, as kernels take it, with what keeps its arrays alive."""
+    """A grid on a device, as kernels take it, with the arrays that it points to."""
 
     struct: object
-    start: wp.array
-    item: wp.array
     count: tuple[int, int, int]
+    arrays: tuple[wp.array, ...]
 
     @property
     def bytes(self) -> int:
         """Device memory in use."""
-        return 4 * (self.start.size + self.item.size)
+        return sum(array.size * wp.types.type_size_in_bytes(array.dtype) for array in self.arrays)
 
 
 def make_grid(lower: np.ndarray, upper: np.ndarray, count: tuple[int, int, int], real: type):
@@ -90,46 +89,46 @@ def widened(grid):
     return wide
 
 
-def build_lists(grid, count: tuple[int, int, int], items: int, kernel: wp.Kernel, arguments: list) -> CellLists:
-    """Fills the lists of a grid: count the cells of each item, scan, write (cell, item) pairs, sort by cell."""
-    device = arguments[0].device
+@dataclass
+class Pairs:
+    """(cell, number) pairs on a device, sorted by cell, and where those of each cell begin."""
+
+    total: int
+    start: wp.array
+    """[cells + 1]"""
+    number: wp.array
+    """[2 total], of which the first half counts"""
+
+
+def list_pairs(grid, count: tuple[int, int, int], kernel: wp.Kernel, items: int, inputs: list, outputs) -> Pairs:
+    """Pairs of cells and what they list: count for each item, scan, store, sort.
+
+    `outputs(total)` allocates what the kernel stores besides cells and numbers.
+    """
+    device = inputs[0].device
     cells = math.prod(count)
     name = "a grid of {} x {} x {} cells".format(*count)
     if cells > MAX_CELLS:
         raise MemoryError(f"{name} has more than {MAX_CELLS} of them; choose fewer")
-    require_memory(4 * cells, name, device)
+    require_memory(8 * cells, name, device)
     wide = widened(grid)
     load(kernel, device)
     end = wp.empty(items, dtype=wp.int64, device=device)
-    wp.launch(kernel, dim=items, inputs=[wide, *arguments, False, end, None, None], device=device)
+    nothing = [None] * (2 + len(outputs(0)))
+    wp.launch(kernel, dim=items, inputs=[wide, *inputs, False, end, *nothing], device=device)
     wp.utils.array_scan(end, end, inclusive=True)
-    pairs = int(end[items - 1 :].numpy()[0])
-    if pairs > MAX_CELLS:
-        raise MemoryError(f"{name} would list {pairs} items, more than {MAX_CELLS}; choose fewer cells")
-    require_memory(4 * cells + 20 * pairs, f"{name} with {pairs} listed items", device)
+    total = int(end[items - 1 :].numpy()[0])
+    if total > MAX_CELLS:
+        raise MemoryError(f"{name} would list {total} items, more than {MAX_CELLS}; choose fewer cells")
+    require_memory(8 * cells + 80 * total, f"{name} with {total} listed items", device)
     # The radix sort wants twice the room.
-    cell_of_pair, item_of_pair = (wp.empty(2 * pairs, dtype=wp.int32, device=device) for _ in range(2))
-    wp.launch(kernel, dim=items, inputs=[wide, *arguments, True, end, cell_of_pair, item_of_pair], device=device)
-    wp.utils.radix_sort_pairs(cell_of_pair, item_of_pair, pairs, begin_bit=0, end_bit=max(1, cells.bit_length()))
+    cell, number = (wp.empty(2 * total, dtype=wp.int32, device=device) for _ in range(2))
+    wp.launch(kernel, dim=items, inputs=[wide, *inputs, True, end, cell, number, *outputs(total)], device=device)
+    wp.utils.radix_sort_pairs(cell, number, total, begin_bit=0, end_bit=max(1, cells.bit_length()))
     start = wp.empty(cells + 1, dtype=wp.int32, device=device)
     load(build.find_starts, device)
-    wp.launch(build.find_starts, dim=cells + 1, inputs=[cell_of_pair, pairs, start], device=device)
-    item = wp.clone(item_of_pair[:pairs])
-    grid.start, grid.item = start, item
-    return CellLists(grid, start, item, count)
-
-
-def build_face_grid(
-    corner: wp.array,
-    lower: np.ndarray,
-    upper: np.ndarray,
-    count: tuple[int, int, int],
-    pad: float,
-    real: type,
-) -> CellLists:
-    """The grid of a mesh whose canonical corners are on the device."""
-    grid = make_grid(lower, upper, count, real)
-    return build_lists(grid, count, corner.size // 9, build.make_list_faces(real), [corner, wp.float64(pad)])
+    wp.launch(build.find_starts, dim=cells + 1, inputs=[cell, total, start], device=device)
+    return Pairs(total, start, number)
 
 
 def build_box_grid(
@@ -137,4 +136,64 @@ def build_box_grid(
 ) -> CellLists:
     """A grid over some of the given boxes, which are padded already."""
     grid = make_grid(lo, hi, count, wp.float64)
-    return build_lists(grid, count, boxes.size, build.list_boxes, [lower, upper, boxes])
+    pairs = list_pairs(grid, count, build.list_boxes, boxes.size, [lower, upper, boxes], lambda total: ())
+    grid.start, grid.item = pairs.start, wp.clone(pairs.number[: pairs.total])
+    return CellLists(grid, count, (grid.start, grid.item))
+
+
+@dataclass
+class Blocks:
+    """Faces in blocks of eight neighbours, see kernels/blocks.py."""
+
+    corner: wp.array
+    face: wp.array
+
+    @property
+    def count(self) -> int:
+        """Number of blocks."""
+        return self.face.size // 8
+
+
+def build_blocks(points: wp.array, real: type) -> Blocks:
+    """Sorts faces, [9 F] canonical corners, along the Morton curve and cuts them into blocks."""
+    device, faces = points.device, points.size // 9
+    key, sorted_face = (wp.empty(2 * faces, dtype=wp.int32, device=device) for _ in range(2))
+    sort_keys, fill_blocks = build.make_sort_keys(real), build.make_fill_blocks(real)
+    load(sort_keys, device)
+    wp.launch(sort_keys, dim=faces, inputs=[points, key, sorted_face], device=device)
+    wp.utils.radix_sort_pairs(key, sorted_face, faces, begin_bit=0, end_bit=30)
+    slots = 8 * ((faces + 7) // 8)
+    blocks = Blocks(wp.empty(9 * slots, dtype=real, device=device), wp.empty(slots, dtype=wp.int32, device=device))
+    load(fill_blocks, device)
+    inputs = [points, sorted_face, faces, blocks.corner, blocks.face]
+    wp.launch(fill_blocks, dim=slots, inputs=inputs, device=device)
+    return blocks
+
+
+def build_block_grid(
+    blocks: Blocks, lower: np.ndarray, upper: np.ndarray, count: tuple[int, int, int], pad: float, real: type
+) -> tuple[CellLists, wp.array]:
+    """A grid whose cells list blocks in groups of eight, and the bounds of the blocks in each cell."""
+    device, cells = blocks.corner.device, math.prod(count)
+    grid = make_grid(lower, upper, count, real)
+    kernel = build.make_list_blocks(real)
+    stored: list[wp.array] = []
+
+    def outputs(total: int) -> list[wp.array]:
+        stored[:] = wp.empty(total, dtype=wp.int32, device=device), wp.empty(6 * total, dtype=real, device=device)
+        return stored
+
+    inputs = [blocks.corner, blocks.face, wp.float64(pad)]
+    pairs = list_pairs(grid, count, kernel, blocks.count, inputs, outputs)
+    start = wp.empty(cells + 1, dtype=wp.int32, device=device)
+    load(build.count_groups, device)
+    wp.launch(build.count_groups, dim=cells, inputs=[pairs.start, start], device=device)
+    wp.utils.array_scan(start, start, inclusive=True)
+    groups = int(start[cells:].numpy()[0])
+    item = wp.empty(8 * groups, dtype=wp.int32, device=device)
+    box = wp.empty(48 * groups, dtype=real, device=device)
+    fill = build.make_fill_groups(real)
+    load(fill, device)
+    wp.launch(fill, dim=cells, inputs=[pairs.start, pairs.number, *stored, start, item, box], device=device)
+    grid.start, grid.item = start, item
+    return CellLists(grid, count, (start, item, box)), box

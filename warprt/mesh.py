@@ -10,7 +10,7 @@ from warprt.kernels.spec import ShapeKind
 from warprt.kernels.structs import mesh_struct
 
 from . import checks
-from .grid import FACES_PER_CELL, CellLists, build_face_grid, resolution
+from .grid import FACES_PER_CELL, CellLists, build_block_grid, build_blocks, resolution
 from .shapes import Canonical, power_of_two_above
 from .typing import ArrayLike
 
@@ -116,31 +116,33 @@ class DeviceMesh:
     """Canonical triangles and their grid in device memory."""
 
     def __init__(self, mesh: Mesh, real: type, device: wp.Device, has_grid: bool):
-        self.face_count = len(mesh.faces)
-        dtype = wp.dtype_to_numpy(real)
-        self.corner = wp.array(mesh.corners().astype(dtype).ravel(), dtype=real, device=device)
-        self.grid: CellLists | None = None
+        corners = mesh.corners()
+        self._real = real
+        points = wp.array(corners.astype(wp.dtype_to_numpy(real)).ravel(), dtype=real, device=device)
+        self.blocks = build_blocks(points, real)
+        self.lists: CellLists | None = None
         if has_grid:
             canonical = mesh.canonical()
             pad = PAD_ROUNDINGS * float(np.finfo(wp.dtype_to_numpy(real)).eps) / 2
             lower, upper = canonical.lower - 2 * pad, canonical.upper + 2 * pad
             count = mesh.grid or (1, 1, 1)
             if count == "auto":
-                count = _auto_resolution(mesh.corners(), upper - lower)
-            self.grid = build_face_grid(self.corner, lower, upper, count, pad, real)
+                count = _auto_resolution(corners, upper - lower)
+            self.lists, self._box = build_block_grid(self.blocks, lower, upper, count, pad, real)
 
-    def struct(self, real: type):
+    def struct(self):
         """The mesh as kernels take it."""
-        mesh = mesh_struct(real, self.grid is not None)()
-        mesh.face_count, mesh.corner = self.face_count, self.corner
-        if self.grid is not None:
-            mesh.grid = self.grid.struct
+        mesh = mesh_struct(self._real, self.lists is not None)()
+        mesh.block_count, mesh.corner, mesh.face = self.blocks.count, self.blocks.corner, self.blocks.face
+        if self.lists is not None:
+            mesh.grid, mesh.box = self.lists.struct, self._box
         return mesh
 
     @property
     def bytes(self) -> int:
         """Device memory in use."""
-        return self.corner.size * wp.types.type_size_in_bytes(self.corner.dtype) + (self.grid.bytes if self.grid else 0)
+        corners = self.blocks.corner.size * wp.types.type_size_in_bytes(self._real)
+        return corners + 4 * self.blocks.face.size + (self.lists.bytes if self.lists else 0)
 
 
 def _rows(value: ArrayLike, width: int, name: str, count: int | None = None) -> np.ndarray:

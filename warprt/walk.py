@@ -26,7 +26,7 @@ class CellWalk:
     t_exit: np.ndarray
     """(n,) float64: ray parameter."""
     candidates: np.ndarray
-    """(n,) int32: how many triangles the cell lists."""
+    """(n,) int32: how many triangles are tested there, eight for each block whose box the ray meets."""
     visited: np.ndarray
     """(n,) bool: whether the traversal looks at the cell, or jumps over it."""
     corners: np.ndarray
@@ -43,7 +43,7 @@ def walk_cells(tracer: "Tracer", origin: np.ndarray, direction: np.ndarray) -> C
     if not (scene.spec.has_mesh and scene.spec.mesh_grid) or not direction.any():
         return _empty()
     t_max = float(tracer.cast(origin, direction, outputs="t").t)
-    kernel, trail = make_walk_cells(scene.spec), trail_struct()()
+    kernel, trail = make_walk_cells(scene.spec), trail_struct(scene.spec.real)()
     first = wp.zeros(count, dtype=wp.int32, device=device)
     counts = wp.empty(count, dtype=wp.int32, device=device)
     ray = [scene.struct, wp.vec3d(*origin), wp.vec3d(*direction), wp.float64(t_max)]

@@ -1,0 +1,146 @@
+"""Eight boxes or eight triangles against one ray, at once.
+
+A block is eight triangles stored by component: row 3 j + k holds coordinate k of vertex j, a lane for each triangle.
+A group is eight boxes stored likewise: rows lower x y z, upper x y z. On a CPU the lanes are one vector register; on a
+GPU they are a loop. Both round the same operations, so they answer the same.
+"""
+
+from functools import cache
+
+import warp as wp
+
+LANES = 8
+BLOCK_SIZE = 9 * LANES
+"""Reals in a block."""
+GROUP_SIZE = 6 * LANES
+"""Reals in a group."""
+
+BOXES_MET = """
+#if !defined(__CUDA_ARCH__)
+#pragma clang fp contract(off)
+    typedef REAL V __attribute__((vector_size(8 * sizeof(REAL)), aligned(sizeof(REAL))));
+    typedef bool B8 __attribute__((ext_vector_type(8)));
+    const V* row = (const V*)(box.data + 48 * (size_t)group);
+    const int x = inv_d[0] < 0 ? 3 : 0, y = inv_d[1] < 0 ? 3 : 0, z = inv_d[2] < 0 ? 3 : 0;
+    V near_x = (row[x] - o[0]) * inv_d[0], far_x = (row[3 - x] - o[0]) * inv_d[0];
+    V near_y = (row[y + 1] - o[1]) * inv_d[1], far_y = (row[4 - y] - o[1]) * inv_d[1];
+    V near_z = (row[z + 2] - o[2]) * inv_d[2], far_z = (row[5 - z] - o[2]) * inv_d[2];
+    V near = near_x > near_y ? near_x : near_y;
+    near = near > near_z ? near : near_z;
+    V far = far_x < far_y ? far_x : far_y;
+    far = far < far_z ? far : far_z;
+    auto met = (near <= far) & (far >= V{}) & (near <= V{} + t_max);
+    return __builtin_bit_cast(unsigned char, __builtin_convertvector(met, B8));
+#else
+    const REAL* row = box.data + 48 * (size_t)group;
+    const int x = inv_d[0] < 0 ? 24 : 0, y = inv_d[1] < 0 ? 24 : 0, z = inv_d[2] < 0 ? 24 : 0;
+    int met = 0;
+    for (int lane = 0; lane < 8; ++lane) {
+        REAL near_x = (row[x + lane] - o[0]) * inv_d[0], far_x = (row[24 - x + lane] - o[0]) * inv_d[0];
+        REAL near_y = (row[y + 8 + lane] - o[1]) * inv_d[1], far_y = (row[32 - y + lane] - o[1]) * inv_d[1];
+        REAL near_z = (row[z + 16 + lane] - o[2]) * inv_d[2], far_z = (row[40 - z + lane] - o[2]) * inv_d[2];
+        REAL near = near_x > near_y ? near_x : near_y;
+        near = near > near_z ? near : near_z;
+        REAL far = far_x < far_y ? far_x : far_y;
+        far = far < far_z ? far : far_z;
+        met |= (near <= far && far >= 0 && near <= t_max ? 1 : 0) << lane;
+    }
+    return met;
+#endif
+"""
+
+CANDIDATES = """
+#if !defined(__CUDA_ARCH__)
+#pragma clang fp contract(off)
+    typedef REAL V __attribute__((vector_size(8 * sizeof(REAL)), aligned(sizeof(REAL))));
+    typedef bool B8 __attribute__((ext_vector_type(8)));
+    const V* row = (const V*)(corner.data + 72 * (size_t)block);
+    V az = row[kz] - oz, bz = row[kz + 3] - oz, cz = row[kz + 6] - oz;
+    V ax = (row[kx] - ox) - sx * az, bx = (row[kx + 3] - ox) - sx * bz, cx = (row[kx + 6] - ox) - sx * cz;
+    V ay = (row[ky] - oy) - sy * az, by = (row[ky + 3] - oy) - sy * bz, cy = (row[ky + 6] - oy) - sy * cz;
+    V u1 = cx * by, u2 = cy * bx, v1 = ax * cy, v2 = ay * cx, w1 = bx * ay, w2 = by * ax;
+    auto outside = ((u1 < u2) | (v1 < v2) | (w1 < w2)) & ((u1 > u2) | (v1 > v2) | (w1 > w2));
+    return 255 ^ __builtin_bit_cast(unsigned char, __builtin_convertvector(outside, B8));
+#else
+    const REAL* row = corner.data + 72 * (size_t)block;
+    int outside = 0;
+    for (int lane = 0; lane < 8; ++lane) {
+        const REAL* p = row + lane;
+        REAL az = p[8 * kz] - oz, bz = p[8 * kz + 24] - oz, cz = p[8 * kz + 48] - oz;
+        REAL ax = (p[8 * kx] - ox) - sx * az, ay = (p[8 * ky] - oy) - sy * az;
+        REAL bx = (p[8 * kx + 24] - ox) - sx * bz, by = (p[8 * ky + 24] - oy) - sy * bz;
+        REAL cx = (p[8 * kx + 48] - ox) - sx * cz, cy = (p[8 * ky + 48] - oy) - sy * cz;
+        REAL u1 = cx * by, u2 = cy * bx, v1 = ax * cy, v2 = ay * cx, w1 = bx * ay, w2 = by * ax;
+        outside |= ((u1 < u2 || v1 < v2 || w1 < w2) && (u1 > u2 || v1 > v2 || w1 > w2) ? 1 : 0) << lane;
+    }
+    return 255 ^ outside;
+#endif
+"""
+
+
+def native_code(code: str, real: type, is_vector: bool = True) -> str:
+    """The code for one type of reals; without vectors, the loop of the GPU on any device."""
+    code = code.replace("REAL", "float" if real is wp.float32 else "double")
+    return code if is_vector else code.replace("#if !defined(__CUDA_ARCH__)", "#if 0")
+
+
+@cache
+def make_boxes_met(real):
+    """Which boxes of a group the ray meets with t <= t_max, lane by lane in the bits of an int. Boxes are padded."""
+    vec = wp.types.vector(3, real)
+
+    @wp.func_native(native_code(BOXES_MET, real))
+    def boxes_met(box: wp.array(dtype=real), group: int, o: vec, inv_d: vec, t_max: real) -> int: ...
+
+    return boxes_met
+
+
+@cache
+def make_candidates(real):
+    """Which triangles of a block `triangle.is_outside` does not reject, lane by lane in the bits of an int."""
+
+    @wp.func_native(native_code(CANDIDATES, real))
+    def candidates(
+        corner: wp.array(dtype=real),
+        block: int,
+        kx: int,
+        ky: int,
+        kz: int,
+        ox: real,
+        oy: real,
+        oz: real,
+        sx: real,
+        sy: real,
+    ) -> int: ...
+
+    return candidates
+
+
+@wp.func_native("""
+#if !defined(__CUDA_ARCH__)
+    return __builtin_ctz(mask);
+#else
+    return __ffs(mask) - 1;
+#endif
+""")
+def lowest_lane(mask: int) -> int:
+    """Number of the lowest bit that is set; the mask must not be 0."""
+    ...
+
+
+@cache
+def make_corner(real):
+    """Vertex j of the triangle whose first row begins at `row`, in float64."""
+
+    @wp.func
+    def corner(corners: wp.array(dtype=real), row: int, j: int) -> wp.vec3d:
+        k = row + 24 * j
+        return wp.vec3d(wp.float64(corners[k]), wp.float64(corners[k + 8]), wp.float64(corners[k + 16]))
+
+    return corner
+
+
+@wp.func
+def slot_row(slot: int):
+    """Where in the corners of all blocks the first row of a slot lies; rows are 8 apart. Slot s is lane s % 8."""
+    return (slot >> 3) * 72 + (slot & 7)
