@@ -1,4 +1,4 @@
-"""Ray against the infinite plane n . x = 0 through the local origin."""
+"""Ray against the infinite plane n . x = 0 through the local origin; n need not be unit."""
 
 import warp as wp
 

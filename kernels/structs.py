@@ -58,7 +58,7 @@ def shape_struct(has_mesh: bool):
     fields = {
         "kind": wp.int32,
         "lower": wp.vec3d,
-        "upper": wp.vec3d,  # sphere: r in each component; plane, which has no bounds: its unit normal
+        "upper": wp.vec3d,  # sphere: r in each component; plane, which has no bounds: its normal
         "pad": WIDE,  # added to the bounds on all sides before a ray is held against them
     }
     if has_mesh:

@@ -60,7 +60,7 @@ def make_surface(spec: Spec):
         p = local.o + (hit.t / local.scale - local.start) * local.d
         n = wp.vec3d()
         s = Surface()
-        # Canonical coordinates are at most 1, or 2 on a sphere; the tests add up a dozen roundings of such terms.
+        # Canonical coordinates are at most 1; the tests add up a dozen roundings of such terms.
         error = WIDE(32.0) * unit_roundoff(hit.t)
         if wp.static(has_sphere):
             if shape.kind == wp.static(int(ShapeKind.SPHERE)):
@@ -78,7 +78,7 @@ def make_surface(spec: Spec):
                 p[axis] = wp.where(n[axis] > WIDE(0.0), shape.upper[axis], shape.lower[axis])
         if wp.static(has_plane):
             if shape.kind == wp.static(int(ShapeKind.PLANE)):
-                n = shape.upper
+                n = unit(shape.upper)
                 p = p - wp.dot(p, n) * n
                 error = error * (WIDE(1.0) + wp.max(wp.abs(p)))
         if wp.static(has_mesh):

@@ -99,6 +99,15 @@ def test_plane_is_infinite_and_two_sided(accuracy, device):
     np.testing.assert_array_equal(hits.normal[:2], [(0, 1, 0)] * 2)
 
 
+def test_oblique_plane_parallel_to_the_ray_is_never_hit(accuracy, device, rng):
+    for _ in range(20):
+        normal, a = rng.integers(-9, 10, (2, 3))
+        d = np.cross(normal, a)
+        if d.any():
+            tracer = tracer_of(rt.Plane((0, 0, 0), normal), accuracy=accuracy, device=device)
+            assert not tracer.cast([(1, 0, 0), (0, 0, 0), (-7, 2, 5)], d, t_min=-np.inf).hit.any()
+
+
 def test_barycentric_weights_are_of_the_second_and_third_vertex(accuracy, device):
     triangle = np.array([(0, 0, 0), (4, 0, 0), (0, 2, 0)], float)
     hits = tracer_of(rt.Mesh(triangle, [(0, 1, 2)]), accuracy=accuracy, device=device).cast((1, 1, 3), (0, 0, -1))

@@ -24,7 +24,9 @@ def test_cells_are_connected_and_hold_the_ray(accuracy, device, rng):
     m[:, :3, :3] = rng.normal(size=(3, 3, 3))
     m[:, :3, 3] = rng.uniform(-3, 3, (3, 3))
     tracer = rt.Tracer(
-        rt.Scene([rt.Instances(rt.Mesh(*soup(rng, 50, 0.1)), m), rt.Sphere((9, 9, 9))]), accuracy, device
+        rt.Scene([rt.Instances(rt.Mesh(*soup(rng, 50, 0.1), grid=(6, 7, 8)), m), rt.Sphere((9, 9, 9))]),
+        accuracy,
+        device,
     )
     seen = 0
     for _ in range(60):

@@ -18,7 +18,7 @@ class Canonical(NamedTuple):
     scale: float
     lower: np.ndarray
     upper: np.ndarray
-    """Bounds in canonical space, components at most 2 in size; of a plane, its normal."""
+    """Bounds in canonical space, components at most 1 in size; of a plane, its normal, largest component in [1/2, 1)."""
 
 
 def power_of_two_above(size: float) -> float:
@@ -96,7 +96,8 @@ class Plane:
 
     def __post_init__(self):
         object.__setattr__(self, "point", checks.vector(self.point, "Plane point"))
-        object.__setattr__(self, "normal", checks.direction(self.normal, "Plane normal"))
+        object.__setattr__(self, "normal", checks.vector(self.normal, "Plane normal"))
+        checks.direction(self.normal, "Plane normal")
 
     @property
     def bounds(self) -> None:
@@ -104,5 +105,5 @@ class Plane:
         return None
 
     def canonical(self) -> Canonical:
-        """Through the origin."""
-        return Canonical(self.point, 1.0, np.zeros(3), self.normal)
+        """Through the origin; the normal is not made unit, so that a ray parallel to it stays exactly so."""
+        return Canonical(self.point, 1.0, np.zeros(3), self.normal / power_of_two_above(np.abs(self.normal).max()))
