@@ -18,7 +18,7 @@ class Canonical(NamedTuple):
     scale: float
     lower: np.ndarray
     upper: np.ndarray
-    """Bounds in canonical space, components at most 1 in size; of a plane, its normal, largest component in [1/2, 1)."""
+    """Bounds in canonical space, components at most 1 in size; of a plane, its normal, largest component >= 1/2."""
 
 
 def power_of_two_above(size: float) -> float:
