@@ -16,7 +16,9 @@ on_compile: Callable[[], None] | None = None
 _is_announced = False
 
 BAND = 8192
-"""Rays per launch on a CPU: long enough to hide the launch, short enough to share evenly."""
+"""Fewest rays per launch on a CPU: enough to hide the cost of a launch."""
+BANDS_PER_THREAD = 8
+"""Bands of a launch for each thread: enough to share the work evenly."""
 
 
 def default_threads() -> int:
@@ -71,10 +73,11 @@ def launch(kernel: wp.Kernel, count: int, inputs: list, device: wp.Device, threa
     if device.is_cuda:
         wp.launch(kernel, dim=count, inputs=[*inputs, first], device=device)
         return
-    starts = range(first, first + count, BAND)
+    band = count if threads == 1 else max(BAND, -(-count // (BANDS_PER_THREAD * threads)))
+    starts = range(first, first + count, band)
     # Recorded here, on one thread: packing arguments and loading modules is not safe on several.
     bands = [
-        wp.launch(kernel, dim=min(BAND, first + count - start), inputs=[*inputs, start], device=device, record_cmd=True)
+        wp.launch(kernel, dim=min(band, first + count - start), inputs=[*inputs, start], device=device, record_cmd=True)
         for start in starts
     ]
     if threads == 1 or len(bands) == 1:

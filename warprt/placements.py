@@ -53,9 +53,16 @@ class Placements:
                 f"{max(0, self.count - first)} instances"
             )
         rows = slice(first, first + len(matrices))
-        self.local_from_world[rows] = inverse_linear(matrices[:, :3, :3], "world_from_local")
-        self.world_from_local[rows] = matrices
-        self._update()
+        inverse = inverse_linear(matrices[:, :3, :3], "world_from_local")
+        before = self.world_from_local, self.local_from_world
+        self.world_from_local, self.local_from_world = before[0].copy(), before[1].copy()
+        self.world_from_local[rows], self.local_from_world[rows] = matrices, inverse
+        try:
+            self._update()
+        except ValueError:
+            self.world_from_local, self.local_from_world = before
+            self._update()
+            raise
 
     @property
     def has_grid(self) -> bool:
