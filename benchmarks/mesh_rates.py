@@ -43,6 +43,15 @@ def ray_sets(lower: np.ndarray, upper: np.ndarray) -> dict[str, tuple[np.ndarray
     }
 
 
+def cpu_name() -> str:
+    """What the processor calls itself."""
+    try:
+        lines = Path("/proc/cpuinfo").read_text().splitlines()
+    except OSError:
+        return platform.processor() or platform.machine()
+    return next((line.partition(":")[2].strip() for line in lines if line.startswith("model name")), platform.machine())
+
+
 def seconds(function, *arguments, **options) -> float:
     """Time of one call."""
     started = time.perf_counter()
@@ -97,11 +106,7 @@ def main() -> None:
             ours = "  ".join(f"{d:g}: {rates[d]:.2f} ({rates[d] / rates['peer']:.2f}x)" for d in densities)
             print(f"{name} {result['triangles']} {kind}: wp.Mesh {rates['peer']:.2f} Mrays/s; faces per cell {ours}")
     if options.output:
-        about = {
-            "machine": platform.processor() or platform.machine(),
-            "warp": wp.__version__,
-            "warprt": rt.__version__,
-        }
+        about = {"cpu": cpu_name(), "threads": 1, "warp": wp.__version__, "warprt": rt.__version__}
         options.output.write_text(json.dumps({**about, "results": results}, indent=1) + "\n")
 
 
