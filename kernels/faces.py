@@ -6,7 +6,7 @@ import warp as wp
 
 from .blocks import lowest_lane, make_boxes_met, make_candidates, slot_row
 from .grid import make_walk
-from .rounding import safe_reciprocal
+from .rounding import rounding_of_sum, safe_reciprocal
 from .spec import Spec
 from .structs import WIDE, face_hit_struct, face_ray_struct, grid_struct, local_ray_struct, mesh_struct, vec3
 from .triangle import edge_weights, shear_axes
@@ -97,12 +97,14 @@ def make_hit_faces(spec: Spec, any_hit: bool):
     @wp.func
     def try_slot(mesh: Mesh, ray: FaceRay, slot: int, best: FaceHit) -> FaceHit:
         is_hit, t, _u, _v = hit_slot(mesh, ray, slot)
-        if is_hit and t <= best.t and in_range(ray.scale * (ray.start + t), ray.t_min, ray.t_max):
-            is_better = t < best.t
-            if not is_better and best.slot >= 0:
+        t_world = ray.scale * (ray.start + t)
+        if is_hit and t <= best.t and in_range(t_world, ray.t_min, ray.t_max):
+            is_better = best.slot < 0 or t_world < best.t_world
+            if not is_better and t_world == best.t_world:
                 is_better = mesh.face[slot] < mesh.face[best.slot]
             if is_better:
-                best.t = t
+                best.t = t + rounding_of_sum(ray.start, t)
+                best.t_world = t_world
                 best.slot = slot
                 if wp.static(any_hit):
                     best.t = WIDE(-wp.inf)

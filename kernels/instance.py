@@ -29,7 +29,7 @@ def make_enter(spec: Spec):
     has_plane = ShapeKind.PLANE in spec.shapes
 
     @wp.func
-    def enter(scene: Scene, i: int, o: wp.vec3d, d: wp.vec3d, t_min: WIDE) -> LocalRay:
+    def enter(scene: Scene, i: int, o: wp.vec3d, d: wp.vec3d, t_min: WIDE, t_max: WIDE) -> LocalRay:
         w = scene.instances.local_from_world[i]
         shape = scene.shape[scene.instances.shape[i]]
         ray = LocalRay()
@@ -46,6 +46,7 @@ def make_enter(spec: Spec):
         first = t_min / ray.scale
         ray.is_hit = near <= far and first <= far
         ray.start = advance(wp.max(near, first))
+        ray.is_hit = ray.is_hit and ray.scale * ray.start <= t_max
         ray.o = ray.o + ray.start * ray.d
         return ray
 

@@ -50,6 +50,12 @@ def fused(a: wp.float64, b: wp.float64, c: wp.float64) -> wp.float64: ...
 
 
 @wp.func
+def rounding_of_sum(a: wp.float64, b: wp.float64):
+    """More than what b can differ by while a + b rounds to the same float."""
+    return wp.float64(4.0) * unit_roundoff(a) * (wp.abs(a) + wp.abs(b))
+
+
+@wp.func
 def difference_of_products(a: wp.float32, b: wp.float32, c: wp.float32, d: wp.float32):
     """A b - c d in float64, where the products of float32 are exact: one rounding, so the sign is exact."""
     return wp.float64(a) * wp.float64(b) - wp.float64(c) * wp.float64(d)

@@ -161,8 +161,15 @@ def face_ray_struct(real):
 
 @cache
 def face_hit_struct():
-    """Best hit within one mesh; t is that of the local ray."""
-    return make_struct("FaceHit", {"t": WIDE, "slot": wp.int32})
+    """Best hit within one mesh."""
+    return make_struct(
+        "FaceHit",
+        {
+            "t": WIDE,  # local parameter beyond which nothing can be as near
+            "t_world": WIDE,
+            "slot": wp.int32,
+        },
+    )
 
 
 @cache

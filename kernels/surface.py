@@ -55,7 +55,7 @@ def make_surface(spec: Spec):
     @wp.func
     def surface(scene: Scene, o: wp.vec3d, d: wp.vec3d, t_min: WIDE, hit: Hit) -> Surface:
         i = hit.instance
-        local = enter(scene, i, o, d, t_min)
+        local = enter(scene, i, o, d, t_min, WIDE(wp.inf))
         shape = scene.shape[scene.instances.shape[i]]
         p = local.o + (hit.t / local.scale - local.start) * local.d
         n = wp.vec3d()
@@ -105,5 +105,5 @@ def make_surface(spec: Spec):
 
 @wp.func
 def leave(position: wp.vec3d, normal: wp.vec3d, offset: WIDE, d: wp.vec3d):
-    """Origin of a ray in direction d from a surface point, moved off to the side that d points to."""
-    return position + wp.copysign(offset, wp.dot(normal, d)) * normal
+    """Origin of a ray in direction d from a surface point, moved off to the side that d points to, or to the front."""
+    return position + wp.where(wp.dot(normal, d) < WIDE(0.0), -offset, offset) * normal

@@ -9,7 +9,7 @@ from .faces import make_face_ray, make_hit_faces, make_in_range
 from .grid import make_walk, wall
 from .instance import make_enter
 from .plane import root_plane
-from .rounding import is_ray, safe_reciprocal, unit_roundoff
+from .rounding import is_ray, rounding_of_sum, safe_reciprocal
 from .spec import ShapeKind, Spec
 from .sphere import roots_sphere
 from .structs import WIDE, face_hit_struct, grid_struct, hit_struct, scene_struct, world_ray_struct
@@ -46,8 +46,8 @@ def make_hit_instance(spec: Spec, any_hit: bool):
 
     @wp.func
     def hit_instance(scene: Scene, ray: Ray, i: int, best: Hit) -> Hit:
-        local = enter(scene, i, ray.o_world, ray.d, ray.t_min)
-        if not local.is_hit or local.scale * local.start > best.t:
+        local = enter(scene, i, ray.o_world, ray.d, ray.t_min, best.t)
+        if not local.is_hit:
             return best
         shape = scene.shape[scene.instances.shape[i]]
         if wp.static(has_sphere):
@@ -75,15 +75,14 @@ def make_hit_instance(spec: Spec, any_hit: bool):
                 face = FaceHit()
                 face.slot = -1
                 reach = best.t / local.scale
-                face.t = reach - local.start + WIDE(4.0) * unit_roundoff(reach) * (wp.abs(reach) + wp.abs(local.start))
+                face.t = reach - local.start + rounding_of_sum(reach, local.start)
                 face = hit_faces(scene.mesh[shape.mesh], face_ray(local, ray.t_min, ray.t_max), face)
                 if face.slot >= 0:
                     if wp.static(any_hit):
                         best.t = face.t
                         best.instance = i
                     else:
-                        t = local.scale * (local.start + face.t)
-                        best = closer(t, i, face.slot, ray.t_min, ray.t_max, best)
+                        best = closer(face.t_world, i, face.slot, ray.t_min, ray.t_max, best)
         return best
 
     return hit_instance

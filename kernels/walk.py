@@ -54,8 +54,8 @@ def make_walk_cells(spec: Spec):
         end = End()
         end.count = first[i]
         if shape.kind == wp.static(int(ShapeKind.MESH)):
-            local = enter(scene, i, o, d, WIDE(0.0))
-            if local.is_hit and local.scale * local.start <= t_max:
+            local = enter(scene, i, o, d, WIDE(0.0), t_max)
+            if local.is_hit:
                 end.t = t_max / local.scale - local.start
                 mesh = scene.mesh[shape.mesh]
                 trail.box = mesh.box

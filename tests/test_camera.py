@@ -46,6 +46,13 @@ def test_framing_camera_sees_all_corners():
     assert (np.abs(corners @ up) < half * (corners @ forward)).all()
 
 
+@pytest.mark.parametrize("offset", [0, 1e6, 1e9])
+def test_framing_does_not_depend_on_the_place(offset, device):
+    tracer = rt.Tracer(rt.Scene([rt.Box((offset,) * 3, (offset + 1,) * 3)]), device=device)
+    is_box = tracer.render(size=(32, 32), outputs="instance_id")["instance_id"] >= 0
+    assert 0.3 < is_box.mean() < 0.7
+
+
 @pytest.mark.parametrize(
     "arguments, words",
     [

@@ -99,6 +99,33 @@ def test_plane_is_infinite_and_two_sided(accuracy, device):
     np.testing.assert_array_equal(hits.normal[:2], [(0, 1, 0)] * 2)
 
 
+@pytest.mark.parametrize("accelerator", ["grid", "none"])
+def test_plane_behind_is_hit_with_negative_t_min(accelerator, accuracy, device):
+    plane, ball = rt.Plane(), rt.Sphere((0, 0.5, 0), 0.1)
+    for objects in ([plane], [plane, ball], [ball, plane]):
+        tracer = tracer_of(*objects, accuracy=accuracy, device=device, accelerator=accelerator)
+        assert tracer.cast((0, 1, 0), (0, 1, 0), -5, -0.75).t == -1
+        assert tracer.cast((0, 1, 0), (0, 1, 0), -5).t == -1
+        assert tracer.occluded((0, 1, 0), (0, 1, 0), -5, -0.75)
+
+
+def test_equal_t_after_a_long_way_goes_to_the_lower_face(device):
+    # From so far away, local parameters differ by less than the sum with the distance can show.
+    vertices = [(0, 0, 0), (1, 1, 1), (1, 0, 0.3), (0, 1, 0.7)]
+    rng = np.random.default_rng(1)
+    s = rng.integers(1, 1023, 20000) / 1024
+    d = rng.integers(-512, 512, (20000, 3)) / 256
+    d[:, 2] = -np.abs(d[:, 2]) - 1
+    o = np.stack([s] * 3, axis=1) - d * 1024
+    one, other, both = (
+        tracer_of(rt.Mesh(vertices, faces), accuracy="double", device=device).cast(o, d)
+        for faces in ([(0, 1, 2)], [(0, 1, 3)], [(0, 1, 2), (0, 1, 3)])
+    )
+    tie = one.hit & other.hit & (one.t == other.t)
+    assert tie.sum() > 100
+    assert (both.primitive_id[tie] == 0).all()
+
+
 def test_oblique_plane_parallel_to_the_ray_is_never_hit(accuracy, device, rng):
     for _ in range(20):
         normal, a = rng.integers(-9, 10, (2, 3))
@@ -195,6 +222,7 @@ def test_warp_arrays_in_warp_arrays_out(vec, dtype, accuracy, device):
         pytest.param((0, 0, 0), (0, 1e-101, 0), {}, "directions", id="too short"),
         pytest.param((0, 0, 0), (0, 0, 1), {"t_max": [1, 2]}, "t_max", id="limits of another shape"),
         pytest.param((0, 0, 0), (0, 0, 1), {"outputs": "depth"}, "depth", id="unknown output"),
+        pytest.param((0, 0, 0), (0, 0, 1), {"outputs": None}, "outputs", id="outputs None"),
     ],
 )
 def test_bad_rays_are_named(o, d, options, words):
@@ -271,6 +299,8 @@ def test_unknown_choices_are_named():
         ({"accuracy": "best"}, "accuracy must be one of robust, double"),
         ({"device": "cuda:77"}, "device 'cuda:77' is not available"),
         ({"device": "quantum"}, "device 'quantum' is not available"),
+        ({"device": []}, "device"),
+        ({"accuracy": []}, "accuracy"),
         ({"accelerator": "bvh"}, "accelerator must be one of grid, none"),
         ({"threads": 0}, "threads"),
     ):

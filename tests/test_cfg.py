@@ -123,6 +123,10 @@ def test_sky_and_other_lights(folder):
         pytest.param('triangle_mesh { file = "none.ply"; }', "1:1", "there is no file", id="missing mesh"),
         pytest.param("triangle_mesh { file = bunny; }", "1:1", "string", id="file not quoted"),
         pytest.param('triangle_mesh { file = "bunny.off"; grid_resolution = (8, 8); }', "1:1", "three", id="two"),
+        pytest.param(
+            'triangle_mesh { file = "bunny.off"; grid_resolution = (1e999, 1, 1); }', "1:1", "whole", id="inf"
+        ),
+        pytest.param('sphere { radius = "5"; }', "1:1", "radius", id="text for a number"),
         pytest.param('triangle_mesh { file = "bunny.off"; unit_cube = 1; }', "1:1", "true or false", id="flag"),
         pytest.param('triangle_mesh { file = "scene.cfg"; }', "1:1", "cannot read", id="not a mesh"),
     ],

@@ -154,6 +154,37 @@ def test_instances_far_from_the_origin_of_coordinates(offset, accuracy, device, 
     assert hits.hit.mean() > 0.3
 
 
+@pytest.mark.parametrize("kind", ["sphere", "box", "mesh"])
+def test_tiny_instances_far_out(kind, accuracy, device, rng):
+    shape = {"sphere": rt.Sphere(), "box": rt.Box(), "mesh": rt.Mesh(*sphere_mesh(6))}[kind]
+    size = 1e-6
+    m = np.tile(np.eye(4), (64, 1, 1)) * size
+    m[:, 3, 3] = 1
+    m[:, :3, 3] = 1e9 + rng.uniform(-100 * size, 100 * size, (64, 3))
+    target = m[rng.integers(0, 64, 5000), :3, 3] + 0.7 * size * rng.normal(size=(5000, 3))
+    d = rng.normal(size=(5000, 3))
+    hits = assert_grid_changes_nothing([rt.Instances(shape, m)], target - 50 * size * d, d, accuracy, device)
+    assert hits.hit.mean() > 0.3
+
+
+def test_negative_limits_with_a_plane(accuracy, device, rng):
+    m = np.tile(np.eye(4), (125, 1, 1))
+    m[:, :3, 3] = 3 * np.array([(x, y, z) for x in range(5) for y in range(5) for z in range(5)])
+    o, d = rays(rng, 3000, 8.0)
+    objects = [rt.Instances(rt.Box(), m), rt.Plane((0, 1, 0), (1, 2, 3))]
+    for t_min, t_max in ((-3, 1.5), (-5, -1), (-np.inf, 0)):
+        assert assert_grid_changes_nothing(objects, o, d, accuracy, device, t_min=t_min, t_max=t_max).hit.any()
+
+
+def test_many_large_instances_among_small_ones(accuracy, device, rng):
+    small, large = (np.tile(np.eye(4), (n, 1, 1)) for n in (300, 100))
+    small[:, :3, 3] = rng.uniform(-5, 5, (300, 3))
+    large[:, :3, :3] *= (50, 0.1, 50)
+    large[:, 1, 3] = rng.uniform(-5, 5, 100)
+    objects = [rt.Instances(rt.Sphere((0, 0, 0), 0.2), small), rt.Instances(rt.Box(), large)]
+    assert assert_grid_changes_nothing(objects, *rays(rng, 1500, 6.0), accuracy, device).hit.all()
+
+
 @pytest.mark.parametrize("distance", [1e3, 1e7, 1e9, 1e12])
 def test_rays_from_far_away(distance, accuracy, device, rng):
     m = np.tile(np.eye(4), (200, 1, 1))

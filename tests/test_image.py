@@ -7,6 +7,7 @@ import PIL.Image
 import pytest
 
 import warprt as rt
+from warprt.image import file_kind
 
 
 @pytest.fixture
@@ -58,7 +59,10 @@ def test_what_was_not_rendered_is_named():
     assert "color" not in image
 
 
-@pytest.mark.parametrize("name, words", [("a.xyz", "suffix"), ("a", "suffix"), ("missing/a.png", "no folder")])
+@pytest.mark.parametrize(
+    "name, words",
+    [("a.xyz", "suffix"), ("a", "suffix"), ("a.h5", "suffix"), ("a.xbm", "suffix"), ("missing/a.png", "no folder")],
+)
 def test_path_that_cannot_be_written_is_named(image, tmp_path, name, words):
     with pytest.raises((ValueError, OSError), match=words):
         image.save(tmp_path / name)
@@ -68,6 +72,7 @@ def test_path_that_cannot_be_written_is_named(image, tmp_path, name, words):
 def test_failed_write_leaves_the_old_file_and_no_other(image, tmp_path, monkeypatch):
     path = tmp_path / "a.png"
     path.write_bytes(b"old")
+    file_kind(path)  # which tries the format out, before it is broken
 
     def fail(*_args, **_options):
         raise OSError("disk full")

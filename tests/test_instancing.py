@@ -176,7 +176,9 @@ def test_bad_move_changes_nothing(device):
     for first, matrix, words in (
         (0, np.zeros((4, 4)), "projective"),
         (1, np.eye(4), "from instance 1"),
-        (-1, np.eye(4), "-1"),
+        (-1, np.eye(4), "first_instance"),
+        (0.5, np.eye(4), "first_instance"),
+        (0, np.diag([1e200, 1e200, 1e200, 1]), "too large"),
     ):
         with pytest.raises(ValueError, match=words):
             tracer.set_transforms(first, matrix)

@@ -20,13 +20,35 @@ def test_python_file_gives_its_scene(tmp_path):
         pytest.param("import warprt as rt\ndef scene():\n    return rt.Sphere(radius=0)", ":3: ValueError", id="error"),
         pytest.param("def scene(:", ":1: SyntaxError", id="syntax"),
         pytest.param("import nonsense_package", ":1: ModuleNotFoundError", id="import"),
+        pytest.param("def scene(): 1/0", ":1: ZeroDivisionError", id="other error"),
+        pytest.param("def scene(n): pass", "TypeError", id="scene with a parameter"),
+        pytest.param("import sys; sys.exit('bye')", ":1: SystemExit: bye", id="exit"),
+        pytest.param("raise ValueError('a\\nb')", ":1: ValueError: a b$", id="message of two lines"),
     ],
 )
-def test_faulty_python_file_is_named(tmp_path, text, words):
+def test_faulty_python_file_is_named(tmp_path, monkeypatch, text, words):
     (tmp_path / "a.py").write_text(text)
-    with pytest.raises(ValueError, match=words) as caught:
-        rt.load_scene(tmp_path / "a.py")
-    assert str(tmp_path / "a.py") in str(caught.value)
+    monkeypatch.chdir(tmp_path)
+    for path in (tmp_path / "a.py", "a.py"):
+        with pytest.raises(ValueError, match=words) as caught:
+            rt.load_scene(path)
+        assert str(tmp_path / "a.py") in str(caught.value)
+
+
+def test_python_file_may_import_its_neighbours_and_define_dataclasses(tmp_path):
+    (tmp_path / "neighbour_of_a.py").write_text("COUNT = 3\n")
+    (tmp_path / "a.py").write_text(
+        "from __future__ import annotations\nfrom dataclasses import dataclass\nimport neighbour_of_a\n"
+        "import warprt as rt\n@dataclass\nclass A:\n    n: int = neighbour_of_a.COUNT\n"
+        "def scene():\n    return rt.Scene([rt.Sphere()] * A().n)\n"
+    )
+    assert rt.load_scene(tmp_path / "a.py").instance_count == 3
+
+
+def test_mesh_file_with_nan_is_named(tmp_path):
+    (tmp_path / "nan.obj").write_text("v nan 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+    with pytest.raises(ValueError, match=r"nan\.obj"):
+        rt.load_scene(tmp_path / "nan.obj")
 
 
 @pytest.mark.parametrize("suffix", ["ply", "obj", "stl", "off"])

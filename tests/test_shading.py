@@ -147,6 +147,11 @@ def test_picture_does_not_depend_on_tiles_or_threads(device):
         pytest.param({"samples": 0}, "samples", id="no samples"),
         pytest.param({"max_bounces": -1}, "max_bounces", id="bounces negative"),
         pytest.param({"outputs": ("colour",)}, "colour", id="unknown output"),
+        pytest.param({"outputs": None}, "outputs", id="outputs None"),
+        pytest.param({"samples": 3 * 10**9}, "samples", id="samples beyond int32"),
+        pytest.param({"max_bounces": 3 * 10**9}, "max_bounces", id="bounces beyond int32"),
+        pytest.param({"size": (10**5, 10**5)}, "2\\^31 pixels", id="too many pixels"),
+        pytest.param({"camera": 5}, "camera", id="number as camera"),
         pytest.param({"outputs": ()}, "outputs", id="no outputs"),
     ],
 )

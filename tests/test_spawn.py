@@ -66,6 +66,23 @@ def test_rays_into_a_shape_meet_its_far_side(accuracy, device, rng):
     np.testing.assert_allclose(inner.t, 2, rtol=1e-5)
 
 
+def test_tangent_rays_leave_to_the_front(accuracy, device):
+    # Along the face, with a component of either zero across it.
+    ways = np.array([(x, y, z) for x in (-1, 0, 1) for y in (0.0, -0.0) for z in (-1, 0, 1) if x or z], float)
+    tracer = rt.Tracer(rt.Scene([rt.Box()]), accuracy, device)
+    origins, directions = tracer.cast(np.full((len(ways), 3), (0.2, -5, 0.3)), (0, 1, 0)).spawn(ways)
+    assert not tracer.occluded(origins, directions).any()
+
+
+def test_spawn_leaves_the_hits_that_were_found(accuracy, device):
+    tracer = rt.Tracer(rt.Scene([rt.Sphere()]), accuracy, device)
+    o, d = np.array([[0.0, 0, 5]]), np.array([[0.0, 0, -1]])
+    hits = tracer.cast(o, d)
+    o += (0.5, 0, 0)
+    d *= -1
+    np.testing.assert_allclose(hits.spawn((0, 0, 1))[0], [(0, 0, 1)], atol=1e-5)
+
+
 def test_spawn_of_a_miss_is_nan(accuracy, device):
     tracer = rt.Tracer(rt.Scene([rt.Sphere()]), accuracy, device)
     origins, _ = tracer.cast([(0, 0, 5), (0, 9, 5)], (0, 0, -1)).spawn((0, 0, 1))

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from test_grid import soup
+from test_grid import soup, sphere_mesh
 
 import warprt as rt
 
@@ -52,6 +52,13 @@ def test_cells_are_connected_and_hold_the_ray(accuracy, device, rng):
             last = np.flatnonzero(walk.instance_id == hit.instance_id)[-1]
             assert walk.candidates[last] > 0
     assert seen > 100
+
+
+def test_ray_from_afar_that_hits_has_cells(accuracy, device, rng):
+    vertices, faces = sphere_mesh()
+    tracer = rt.Tracer(rt.Scene([rt.Mesh(vertices, faces, grid=(4, 4, 4))]), accuracy, device)
+    for z in rng.uniform(900, 1100, 50):
+        assert len(tracer.walk((0.1, 0.2, z), (0, 0, -1))) > 0
 
 
 @pytest.mark.parametrize("objects", [[], [rt.Sphere()]])

@@ -14,9 +14,6 @@ from .mesh import Mesh
 from .placements import Placements
 from .scene import Instance, Scene
 
-SHAPE_PAD = 2.0**-20
-"""Widening of a shape's canonical bounds: covers the rounding of local rays from up to 1e6 sizes away."""
-
 
 @dataclass
 class DeviceScene:
@@ -44,7 +41,7 @@ def assemble(scene: Scene, real: type, device: wp.Device, has_grid: bool) -> Dev
     shapes = _distinct([item.shape for item in scene.objects])
     canonicals = [shape.canonical() for shape in shapes]
     meshes = [shape.device_copy(real, device, has_grid) for shape in shapes if isinstance(shape, Mesh)]
-    placements = Placements(scene, shapes, canonicals, SHAPE_PAD, device, has_grid)
+    placements = Placements(scene, shapes, canonicals, device, has_grid)
     spec = Spec(
         real=real,
         shapes=frozenset(shape.kind for shape in shapes),
@@ -73,7 +70,7 @@ def _shape_array(shapes, canonicals, mesh_number, spec: Spec, device: wp.Device)
     records["kind"] = [int(shape.kind) for shape in shapes]
     records["lower"] = np.reshape([canonical.lower for canonical in canonicals], (-1, 3))
     records["upper"] = np.reshape([canonical.upper for canonical in canonicals], (-1, 3))
-    records["pad"] = SHAPE_PAD
+    records["pad"] = [canonical.pad for canonical in canonicals]
     if spec.has_mesh:
         records["mesh"] = mesh_number
     return wp.array(records, dtype=dtype, device=device)

@@ -54,7 +54,7 @@ class Camera:
 
     def rays(self, width: int, height: int) -> tuple[np.ndarray, np.ndarray]:
         """(origins, unit directions) through the pixel centres, each (height, width, 3) float64; row 0 is on top."""
-        width, height = checks.positive_integer(width, "width"), checks.positive_integer(height, "height")
+        width, height = checks.integer(width, "width"), checks.integer(height, "height")
         corner, right, down = self.pixel_steps(width, height)
         columns, rows = np.meshgrid(np.arange(width) + 0.5, np.arange(height) + 0.5)
         directions = corner + columns[..., None] * right + rows[..., None] * down

@@ -301,7 +301,7 @@ def _mesh(file, folder, grid_acceleration=True, grid_resolution=None, unit_cube=
 
 
 def _whole(values) -> tuple:
-    if np.shape(values) != (3,) or any(value != int(value) for value in values):
+    if np.shape(values) != (3,) or not all(value.is_integer() for value in values):
         raise ValueError(f"grid_resolution must be three whole numbers; got {values!r}")
     return tuple(int(value) for value in values)
 

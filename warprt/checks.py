@@ -8,9 +8,12 @@ from .typing import ArrayLike
 def real_array(value: ArrayLike, name: str) -> np.ndarray:
     """The value as an array of float64, or an error that names it."""
     try:
-        return np.array(value, dtype=np.float64)
+        array = np.array(value)
+        if array.dtype.kind not in "fiub":
+            raise TypeError
+        return array.astype(np.float64)
     except (TypeError, ValueError):
-        raise ValueError(f"{name} must be numbers; got {value!r}") from None
+        raise ValueError(f"{name} must be real numbers; got {value!r}") from None
 
 
 def finite_array(value: ArrayLike, shape: tuple[int, ...], name: str) -> np.ndarray:
@@ -56,8 +59,9 @@ def color(value: ArrayLike, name: str) -> tuple[float, float, float]:
     return red, green, blue
 
 
-def positive_integer(value: int, name: str) -> int:
-    """An integer of at least 1."""
-    if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < 1:
-        raise ValueError(f"{name} must be an integer of at least 1; got {value!r}")
+def integer(value: int, name: str, least: int = 1, most: int = 2**31 - 1) -> int:
+    """An integer between two limits."""
+    if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or not least <= value <= most:
+        limits = f"of at least {least}" if most == 2**31 - 1 else f"from {least} to {most}"
+        raise ValueError(f"{name} must be an integer {limits}; got {value!r}")
     return int(value)

@@ -28,7 +28,10 @@ def field_names(outputs) -> tuple[str, ...]:
     """The fields that `outputs` asks for, or a ValueError that names the one that does not exist."""
     if isinstance(outputs, str):
         outputs = FIELDS if outputs == "all" else (outputs,)
-    names = tuple(outputs)
+    try:
+        names = tuple(outputs)
+    except TypeError:
+        raise ValueError(f"outputs must be names of fields, or 'all'; got {outputs!r}") from None
     for name in names:
         if name not in FIELDS:
             raise ValueError(f"outputs must be among {', '.join(FIELDS)}, or 'all'; got {name!r}")
@@ -37,6 +40,8 @@ def field_names(outputs) -> tuple[str, ...]:
 
 class Hits:
     """Closest hits; every field has the leading shape of the rays. A miss: t = inf, ids -1, the rest 0.
+
+    Of hits at equal t, before t is rounded to its type, the lower instance id and then the lower primitive id wins.
 
     Arrays are NumPy arrays, or Warp arrays where the rays were. Floats are float32 in `robust`, float64 in
     `double`. A field that `outputs` did not name raises AttributeError.
@@ -77,8 +82,8 @@ class Hits:
         """(origins, directions) of rays that leave the hit points to the side each direction points to.
 
         directions: (..., 3), broadcast against the hits. Origins are float64, (..., 3), and lie off the surface by
-        a bound on all roundings, so that a convex shape never meets its own rays; those of misses are NaN. Call it
-        before anything in the scene moves.
+        a bound on all roundings, so that a convex shape never meets its own rays; those of misses are NaN. The hits
+        are found again, so call it before anything in the scene moves, or Warp arrays of rays change.
         """
         return self._tracer._spawn(self._rays, directions)
 

@@ -1,6 +1,7 @@
 """Pictures and the data that come with them."""
 
 import io
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +14,10 @@ OUTPUTS = ("color", "depth", "normal", "position", "instance_id", "primitive_id"
 
 def output_names(outputs) -> tuple[str, ...]:
     """The arrays that `outputs` asks for, or a ValueError that names the one that does not exist."""
-    names = (outputs,) if isinstance(outputs, str) else tuple(outputs)
+    try:
+        names = (outputs,) if isinstance(outputs, str) else tuple(outputs)
+    except TypeError:
+        raise ValueError(f"outputs must be names of arrays; got {outputs!r}") from None
     for name in names:
         if name not in OUTPUTS:
             raise ValueError(f"outputs must be among {', '.join(OUTPUTS)}; got {name!r}")
@@ -31,10 +35,22 @@ def srgb(linear: np.ndarray) -> np.ndarray:
 def file_kind(path: str | Path) -> str:
     """Pillow's name for the kind of picture that a suffix means, or "NPZ"; ValueError for one that means none."""
     suffix = Path(path).suffix.lower()
-    kind = "NPZ" if suffix == ".npz" else PIL.Image.registered_extensions().get(suffix)
-    if kind is None or (kind != "NPZ" and kind not in PIL.Image.SAVE):
+    if suffix == ".npz":
+        return "NPZ"
+    kind = PIL.Image.registered_extensions().get(suffix)
+    if kind is None or not _holds_color(kind):
         raise ValueError(f"cannot write {path}: use a suffix such as .png, or .npz for the data")
     return kind
+
+
+@cache
+def _holds_color(kind: str) -> bool:
+    """Whether Pillow can write such a picture here: some kinds need a plugin, or have no colour."""
+    try:
+        PIL.Image.new("RGB", (1, 1)).save(io.BytesIO(), format=kind)
+    except Exception:
+        return False
+    return True
 
 
 class Image:

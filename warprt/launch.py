@@ -36,7 +36,7 @@ def checked_threads(threads, name: str = "threads") -> int:
     """An integer of at least 1."""
     from . import checks
 
-    return checks.positive_integer(threads, name)
+    return checks.integer(threads, name)
 
 
 @cache

@@ -30,6 +30,8 @@ class PointLight:
     def __post_init__(self):
         object.__setattr__(self, "position", checks.vector(self.position, "PointLight position"))
         object.__setattr__(self, "color", checks.color(self.color, "PointLight color"))
+        if not isinstance(self.falloff, bool):
+            raise ValueError(f"PointLight falloff must be True or False; got {self.falloff!r}")
 
 
 @dataclass(frozen=True, eq=False)

@@ -77,8 +77,9 @@ class Mesh:
         """A copy scaled evenly to a longest side of 1, with its minimum corner at the origin."""
         lower, upper = self.bounds
         fitted = copy.copy(self)
-        side = (upper - lower).max()
-        fitted.vertices = (self.vertices - lower) / (side if side > 0 else 1.0)
+        # In halves, which cannot overflow.
+        side = (upper / 2 - lower / 2).max()
+        fitted.vertices = (self.vertices / 2 - lower / 2) / (side if side > 0 else 0.5)
         fitted._device_copies = {}
         return fitted
 
@@ -90,11 +91,17 @@ class Mesh:
         """
         from .mesh_files import read_mesh
 
-        return cls.from_trimesh(read_mesh(path), grid=grid)
+        mesh = read_mesh(path)
+        try:
+            return cls.from_trimesh(mesh, grid=grid)
+        except ValueError as error:
+            raise ValueError(f"{path}: {error}") from None
 
     @classmethod
     def from_trimesh(cls, mesh, grid: str | tuple[int, int, int] | None = "auto") -> "Mesh":
-        """The triangles of a trimesh.Trimesh."""
+        """The triangles of a trimesh.Trimesh. Raises ValueError for anything else."""
+        if not (hasattr(mesh, "vertices") and hasattr(mesh, "faces")):
+            raise ValueError(f"Mesh.from_trimesh needs a trimesh.Trimesh; got {type(mesh).__name__}")
         return cls(mesh.vertices, mesh.faces, grid=grid)
 
     def corners(self) -> np.ndarray:
@@ -183,9 +190,9 @@ def _grid_choice(grid):
     """The grid argument, checked."""
     if grid is None or (isinstance(grid, str) and grid == "auto"):
         return grid
-    if isinstance(grid, str) or np.shape(grid) != (3,):
+    if not isinstance(grid, (tuple, list, np.ndarray)) or len(grid) != 3:
         raise ValueError(f"Mesh grid must be 'auto', None or three cell counts; got {grid!r}")
-    return tuple(checks.positive_integer(n, "Mesh grid cells per axis") for n in grid)
+    return tuple(checks.integer(n, "Mesh grid cells per axis") for n in grid)
 
 
 def _auto_resolution(corners: np.ndarray, extent: np.ndarray) -> tuple[int, int, int]:

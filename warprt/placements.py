@@ -5,6 +5,7 @@ import warp as wp
 
 from warprt.kernels.spec import ShapeKind
 
+from . import checks
 from .grid import CellLists, build_box_grid, resolution
 from .scene import Instance, Scene
 from .transform import affine, inverse_linear
@@ -16,21 +17,20 @@ FEWEST_LISTED = 16
 """With fewer bounded instances than this, testing each is as fast as a grid."""
 MOST_LISTED = 64
 """In how many cells an instance may be listed on average."""
-MOST_LOOSE = 16
+MOST_LOOSE = 64
 """How many large instances may be kept out of the grid and tested by every ray."""
 GRID_PAD = 2.0**-26
-"""Widening of world bounds, relative to the extent of all: covers the rounding of rays within REACH extents."""
-REACH = 2.0**21
-"""GRID_PAD / (64 roundings of float64)."""
+"""Widening of world bounds, relative to the extent of all: covers the rounding of rays from within REACH pads."""
+REACH = 2.0**47
+"""So many pads away, 64 roundings of a ray's coordinates come to one pad."""
 
 
 class Placements:
     """Instances in scene order: x_world = A x_canonical + origin, in float64."""
 
-    def __init__(self, scene: Scene, shapes: list, canonicals: list, shape_pad: float, device: wp.Device, grid: bool):
+    def __init__(self, scene: Scene, shapes: list, canonicals: list, device: wp.Device, grid: bool):
         self.device = device
         self._is_grid_wanted = grid
-        self._shape_pad = shape_pad
         self._canonicals = canonicals
         number = {id(shape): k for k, shape in enumerate(shapes)}
         counts = [1 if isinstance(item, Instance) else len(item) for item in scene.objects]
@@ -45,9 +45,10 @@ class Placements:
 
     def move(self, first: int, world_from_local: ArrayLike) -> None:
         """Gives new matrices to consecutive instances; see `Tracer.set_transforms`."""
+        first = checks.integer(first, "first_instance", 0)
         matrices = affine(world_from_local, "world_from_local")
         matrices = matrices[None] if matrices.ndim == 2 else matrices
-        if matrices.ndim != 3 or first < 0 or first + len(matrices) > self.count:
+        if matrices.ndim != 3 or first + len(matrices) > self.count:
             raise ValueError(
                 f"world_from_local has shape {matrices.shape}: from instance {first} on there are "
                 f"{max(0, self.count - first)} instances"
@@ -109,14 +110,15 @@ class Placements:
 
     def _world_bounds(self, linear: np.ndarray, origin: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(N, 3) corners of padded world bounds; infinite for planes."""
-        lower = np.array([c.lower for c in self._canonicals]).reshape(-1, 3)[self.shape] - self._shape_pad
-        upper = np.array([c.upper for c in self._canonicals]).reshape(-1, 3)[self.shape] + self._shape_pad
+        lower = np.array([c.lower - c.pad for c in self._canonicals]).reshape(-1, 3)[self.shape]
+        upper = np.array([c.upper + c.pad for c in self._canonicals]).reshape(-1, 3)[self.shape]
         center = np.einsum("nij,nj->ni", linear, (lower + upper) / 2) + origin
         half = np.einsum("nij,nj->ni", np.abs(linear), (upper - lower) / 2)
         is_sphere = self._kind == int(ShapeKind.SPHERE)
         # An ellipsoid reaches as far as the rows of its matrix are long, times the radius.
         half[is_sphere] = np.linalg.norm(linear[is_sphere], axis=2) * upper[is_sphere, :1]
-        half *= 1 + 1e-12
+        # A few roundings of the sums above.
+        half += 8 * np.finfo(np.float64).eps * (half + np.abs(center))
         half[self._kind == int(ShapeKind.PLANE)] = np.inf
         return center - half, center + half
 
@@ -169,7 +171,7 @@ class Placements:
         lower, upper = self.lower[listed].min(axis=0), self.upper[listed].max(axis=0)
         extent = upper - lower
         pad = GRID_PAD * extent.max()
-        self._center, self._reach = lower / 2 + upper / 2, REACH * extent.max()
+        self._center, self._reach = lower / 2 + upper / 2, REACH * pad
         boxes = [
             wp.array(bound - self._center + sign * pad, dtype=wp.vec3d, device=self.device)
             for bound, sign in ((self.lower, -1), (self.upper, 1))
@@ -194,4 +196,4 @@ def _require_range(values: np.ndarray) -> None:
     is_bad = ~(np.abs(values) < 1e150).all(axis=tuple(range(1, values.ndim)))
     if is_bad.any():
         i = int(np.argmax(is_bad))
-        raise ValueError(f"instance {i} is too large, too small or too far away for float64: {values[i].tolist()}")
+        raise ValueError(f"instance {i} is too large, too small or too far away for float64")

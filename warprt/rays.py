@@ -103,8 +103,8 @@ def _numbers(value, name: str) -> np.ndarray:
 
 def _to_device(array: np.ndarray, shape: tuple, dtype, device: wp.Device) -> wp.array:
     array = np.ascontiguousarray(np.broadcast_to(array, shape), dtype=dtype).reshape(-1, 3)
-    # On a CPU the kernels read the caller's memory, no copy.
-    return wp.array(array, dtype=wp.vec3d if dtype == np.float64 else wp.vec3f, device=device, copy=False)
+    # A copy: `Hits.spawn` reads the rays again, when the caller may have changed theirs.
+    return wp.array(array, dtype=wp.vec3d if dtype == np.float64 else wp.vec3f, device=device)
 
 
 def _limits(value: float | Array, name: str, shape: tuple, device: wp.Device) -> tuple[wp.array, int]:

@@ -60,10 +60,14 @@ class Instances:
         inverse = inverse_linear(matrices[:, :3, :3], "Instances world_from_local")
         object.__setattr__(self, "local_from_world", inverse)
         materials = self.materials if self.materials is not None else Material()
-        materials = (materials,) if isinstance(materials, Material) else tuple(materials)
+        materials = (
+            (materials,) if isinstance(materials, Material) else tuple(_sequence(materials, "Instances materials"))
+        )
+        if not materials:
+            raise ValueError("Instances materials must not be empty")
         for material in materials:
             _require(material, (Material,), "Instances materials")
-        object.__setattr__(self, "materials", materials)
+        object.__setattr__(self, "materials", tuple(materials))
         object.__setattr__(self, "material_index", self._checked_index())
 
     def _checked_index(self) -> np.ndarray:

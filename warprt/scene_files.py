@@ -1,6 +1,7 @@
 """Scenes from files: Python, .cfg, and meshes."""
 
 import importlib.util
+import sys
 import traceback
 from pathlib import Path
 
@@ -22,6 +23,8 @@ def ready_scenes() -> dict[str, Path]:
 
 def find_scene(name: str | Path) -> Path:
     """The file that a path or the name of a ready scene means. Raises FileNotFoundError when there is none."""
+    if not isinstance(name, (str, Path)):
+        raise ValueError(f"a scene is a path or a name; got {name!r}")
     path = Path(name)
     if path.is_file():
         return path
@@ -56,19 +59,26 @@ def mesh_scene(mesh: Mesh) -> Scene:
 
 
 def _python_scene(path: Path) -> Scene:
-    spec = importlib.util.spec_from_file_location(f"warprt_scene_{path.stem}", path)
+    """What scene() of a file returns; its own folder can be imported from, as if Python ran it."""
+    path = path.resolve()
+    name = f"warprt_scene_{path.stem}"
+    spec = importlib.util.spec_from_file_location(name, path)
     module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module
+    sys.path.insert(0, str(path.parent))
     try:
         spec.loader.exec_module(module)
         if not callable(getattr(module, "scene", None)):
-            raise ValueError(f"{path} has no function scene()")
+            raise ValueError("there is no function scene()")
         scene = module.scene()
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         frames = [frame for frame in traceback.extract_tb(error.__traceback__) if frame.filename == str(path)]
-        if not frames and not isinstance(error, SyntaxError):
-            raise
-        line = frames[-1].lineno if frames else error.lineno
-        raise ValueError(f"{path}:{line}: {type(error).__name__}: {error}") from error
+        line = frames[-1].lineno if frames else getattr(error, "lineno", None)
+        place = f"{path}:{line}" if line else str(path)
+        message = " ".join(f"{type(error).__name__}: {error}".split())
+        raise ValueError(f"{place}: {message}") from error
+    finally:
+        sys.path.remove(str(path.parent))
     if not isinstance(scene, Scene):
         raise ValueError(f"{path}: scene() must return a Scene; it returned {type(scene).__name__}")
     return scene

@@ -20,6 +20,12 @@ class Canonical(NamedTuple):
     upper: np.ndarray
     """Bounds in canonical space, components at most 1 in size; of a plane, its normal, largest component >= 1/2."""
 
+    @property
+    def pad(self) -> float:
+        """Widening of the bounds to which rays are advanced: covers the rounding of rays from 1e6 sizes away."""
+        size = (self.upper - self.lower).max()
+        return float(2.0**-20 * size + 2.0**-48 * max(np.abs(self.lower).max(), np.abs(self.upper).max()))
+
 
 def power_of_two_above(size: float) -> float:
     """The smallest power of two that is larger than `size`; 1 for a size of 0. Dividing by it never rounds."""

@@ -24,6 +24,8 @@ from .walk import CellWalk, walk_cells
 TIERS = {"robust": wp.float32, "double": wp.float64}
 """Arithmetic inside meshes, and type of results, for each accuracy."""
 ACCELERATORS = ("grid", "none")
+MOST_SAMPLES = 1_000_000
+"""More samples per pixel, or bounces, make no sense."""
 TILE_RAYS = 1 << 17
 """Camera rays between two reports of progress."""
 
@@ -32,13 +34,13 @@ def as_device(device: str | wp.Device | None) -> wp.Device:
     """The device of that name, Warp's current one for None, or a ValueError that lists what there is."""
     try:
         return wp.get_device(device)
-    except (ValueError, RuntimeError):
+    except (ValueError, RuntimeError, TypeError):
         names = ", ".join(d.alias for d in wp.get_devices())
         raise ValueError(f"device {device!r} is not available here; there is {names}") from None
 
 
 def _choice(value: str, choices: Iterable[str], name: str) -> str:
-    if value not in choices:
+    if value not in tuple(choices):
         raise ValueError(f"{name} must be one of {', '.join(choices)}; got {value!r}")
     return value
 
@@ -152,14 +154,15 @@ class Tracer:
         Raises ValueError for sizes and counts that are not integers of at least 1 (max_bounces: 0).
         """
         width, height = self._checked_size(size)
-        samples = checks.positive_integer(samples, "samples")
-        if isinstance(max_bounces, bool) or not isinstance(max_bounces, (int, np.integer)) or max_bounces < 0:
-            raise ValueError(f"max_bounces must be an integer of at least 0; got {max_bounces!r}")
+        samples = checks.integer(samples, "samples", 1, MOST_SAMPLES)
+        max_bounces = checks.integer(max_bounces, "max_bounces", 0, MOST_SAMPLES)
+        if not isinstance(camera, (Camera, type(None))):
+            raise ValueError(f"camera must be a Camera; got {type(camera).__name__}")
         names = output_names(outputs)
         camera = camera or self.scene.camera or self.framing_camera()
         arrays: dict[str, np.ndarray] = {}
         if "color" in names:
-            arrays["color"] = self._render_color(camera, width, height, samples, int(max_bounces), progress)
+            arrays["color"] = self._render_color(camera, width, height, samples, max_bounces, progress)
         if set(names) - {"color"}:
             arrays |= self._render_fields(camera, width, height, [name for name in names if name != "color"])
         return Image({name: arrays[name] for name in names})
@@ -202,7 +205,10 @@ class Tracer:
             width, height = size
         except (TypeError, ValueError):
             raise ValueError(f"size must be (width, height); got {size!r}") from None
-        return checks.positive_integer(width, "width"), checks.positive_integer(height, "height")
+        width, height = checks.integer(width, "width"), checks.integer(height, "height")
+        if width * height >= 2**31:
+            raise ValueError(f"size must be less than 2^31 pixels in all; got {width} x {height}")
+        return width, height
 
     def _launch(self, kernel: wp.Kernel, rays: Rays, arguments: list) -> None:
         inputs = [self._device_scene.struct, rays.struct, *arguments]
@@ -218,8 +224,9 @@ class Tracer:
             wide = wp.empty(rays.count, dtype=wp.vec3d, device=self.device)
             wp.utils.array_cast(directions.flatten(), wide)
         else:
+            given = checks.real_array(directions, "directions")
             try:
-                spread = np.broadcast_to(checks.real_array(directions, "directions"), (*rays.shape, 3))
+                spread = np.broadcast_to(given, (*rays.shape, 3))
             except ValueError:
                 raise ValueError(f"directions must have shape {(*rays.shape, 3)}; got {np.shape(directions)}") from None
             wide = wp.array(np.ascontiguousarray(spread).reshape(-1, 3), dtype=wp.vec3d, device=self.device)

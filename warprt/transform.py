@@ -106,8 +106,9 @@ class Transform:
         if len(factors) == 1 and np.ndim(factors[0]) == 0:
             factors = factors * 3
         factor = _three(factors, "scale")
-        if (factor == 0).any() or not np.isfinite(1 / factor).all():
-            raise ValueError(f"scale factors must not be zero; got {factor.tolist()}")
+        with np.errstate(all="ignore"):
+            if not np.isfinite(1 / factor).all():
+                raise ValueError(f"scale factors must not be zero, nor so small; got {factor.tolist()}")
         return self._then(np.diag([*factor, 1.0]), np.diag([*(1 / factor), 1.0]))
 
     def rotate(self, angle_deg: float, *axis: float | ArrayLike) -> "Transform":
@@ -121,7 +122,7 @@ class Transform:
 
     def transform(self, matrix: ArrayLike) -> "Transform":
         """Then applies an affine (4, 4) matrix, row-major as NumPy arrays are. A singular one is an error."""
-        step = Transform(matrix)
+        step = Transform(checks.real_array(matrix, "transform"))
         return self._then(step.world_from_local, step.local_from_world)
 
     @classmethod

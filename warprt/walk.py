@@ -42,7 +42,8 @@ def walk_cells(tracer: "Tracer", origin: np.ndarray, direction: np.ndarray) -> C
     count = scene.placements.count
     if not (scene.spec.has_mesh and scene.spec.mesh_grid) or not direction.any():
         return _empty()
-    t_max = float(tracer.cast(origin, direction, outputs="t").t)
+    # A little beyond the hit, whose parameter has been rounded.
+    t_max = float(tracer.cast(origin, direction, outputs="t").t) * (1 + 2.0**-22)
     kernel, trail = make_walk_cells(scene.spec), trail_struct(scene.spec.real)()
     first = wp.zeros(count, dtype=wp.int32, device=device)
     counts = wp.empty(count, dtype=wp.int32, device=device)
