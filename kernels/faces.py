@@ -9,7 +9,7 @@ from .grid import make_walk
 from .rounding import rounding_of_sum, safe_reciprocal
 from .spec import Spec
 from .structs import WIDE, face_hit_struct, face_ray_struct, grid_struct, local_ray_struct, mesh_struct, vec3
-from .triangle import edge_weights, shear_axes
+from .triangle import shear_axes, solve_sheared
 
 
 @cache
@@ -75,13 +75,7 @@ def make_hit_slot(spec: Spec):
         ay = (mesh.corner[ky] - ray.oy) - ray.sy * az
         by = (mesh.corner[ky + 24] - ray.oy) - ray.sy * bz
         cy = (mesh.corner[ky + 48] - ray.oy) - ray.sy * cz
-        is_hit, wa, wb, wc = edge_weights(ax, ay, bx, by, cx, cy)
-        total = wa + wb + wc
-        zero = WIDE(0.0)
-        if not is_hit:
-            return False, zero, zero, zero
-        t = (wa * WIDE(az) + wb * WIDE(bz) + wc * WIDE(cz)) / (total * ray.dz)
-        return True, t, wb / total, wc / total
+        return solve_sheared(ax, ay, az, bx, by, bz, cx, cy, cz, ray.dz)
 
     return hit_slot
 

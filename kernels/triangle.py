@@ -53,6 +53,20 @@ def edge_weights(ax: Real, ay: Real, bx: Real, by: Real, cx: Real, cy: Real):
 
 
 @wp.func
+def solve_sheared(
+    ax: Real, ay: Real, az: Real, bx: Real, by: Real, bz: Real, cx: Real, cy: Real, cz: Real, dz: wp.float64
+):
+    """(is_hit, t, u, v), all in float64, of sheared corners; z is unscaled, and dz the ray's component along it."""
+    is_hit, wa, wb, wc = edge_weights(ax, ay, bx, by, cx, cy)
+    zero = wp.float64(0.0)
+    if not is_hit:
+        return False, zero, zero, zero
+    total = wa + wb + wc
+    t = (wa * wp.float64(az) + wb * wp.float64(bz) + wc * wp.float64(cz)) / (total * dz)
+    return True, t, wb / total, wc / total
+
+
+@wp.func
 def hit_triangle(o: Vec3, d: Vec3, p0: Vec3, p1: Vec3, p2: Vec3):
     """(is_hit, t, u, v): the point o + t d = (1 - u - v) p0 + u p1 + v p2, all three in float64.
 
@@ -64,12 +78,7 @@ def hit_triangle(o: Vec3, d: Vec3, p0: Vec3, p1: Vec3, p2: Vec3):
     ax, ay = (p0[kx] - o[kx]) - sx * az, (p0[ky] - o[ky]) - sy * az
     bx, by = (p1[kx] - o[kx]) - sx * bz, (p1[ky] - o[ky]) - sy * bz
     cx, cy = (p2[kx] - o[kx]) - sx * cz, (p2[ky] - o[ky]) - sy * cz
-    zero = wp.float64(0.0)
     if is_outside(ax, ay, bx, by, cx, cy):
+        zero = wp.float64(0.0)
         return False, zero, zero, zero
-    is_hit, wa, wb, wc = edge_weights(ax, ay, bx, by, cx, cy)
-    if not is_hit:
-        return False, zero, zero, zero
-    total = wa + wb + wc
-    t = (wa * wp.float64(az) + wb * wp.float64(bz) + wc * wp.float64(cz)) / (total * wp.float64(d[kz]))
-    return True, t, wb / total, wc / total
+    return solve_sheared(ax, ay, az, bx, by, bz, cx, cy, cz, wp.float64(d[kz]))

@@ -11,6 +11,8 @@ from functools import cache
 
 import warp as wp
 
+from . import checks
+
 on_compile: Callable[[], None] | None = None
 """Called, once, before a kernel is compiled that is not in Warp's cache."""
 _is_announced = False
@@ -25,18 +27,11 @@ def default_threads() -> int:
     """WARPRT_THREADS, or else the cores that this process may use."""
     text = os.environ.get("WARPRT_THREADS", "")
     if text:
-        return checked_threads(int(text) if text.isdecimal() else text, "WARPRT_THREADS")
+        return checks.integer(int(text) if text.isdecimal() else text, "WARPRT_THREADS")
     try:
         return len(os.sched_getaffinity(0))
     except AttributeError:
         return os.cpu_count() or 1
-
-
-def checked_threads(threads, name: str = "threads") -> int:
-    """An integer of at least 1."""
-    from . import checks
-
-    return checks.integer(threads, name)
 
 
 @cache
@@ -83,6 +78,6 @@ def launch(kernel: wp.Kernel, count: int, inputs: list, device: wp.Device, threa
     if threads == 1 or len(bands) == 1:
         for band in bands:
             band.launch()
-    else:
-        for done in pool(threads).map(lambda band: band.launch(), bands):
-            assert done is None
+        return
+    for future in [pool(threads).submit(band.launch) for band in bands]:
+        future.result()

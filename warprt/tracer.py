@@ -15,7 +15,7 @@ from .assemble import assemble, assemble_look
 from .camera import Camera
 from .hits import BRIEF, Hits, field_names, field_types, numpy_field
 from .image import Image, output_names
-from .launch import checked_threads, default_threads, launch, load
+from .launch import default_threads, launch, load
 from .rays import Rays, as_rays
 from .scene import Scene
 from .typing import Array, ArrayLike
@@ -69,7 +69,7 @@ class Tracer:
         self.accuracy = _choice(accuracy, TIERS, "accuracy")
         self.accelerator = _choice(accelerator, ACCELERATORS, "accelerator")
         self.device = as_device(device)
-        self.threads = default_threads() if threads is None else checked_threads(threads)
+        self.threads = default_threads() if threads is None else checks.integer(threads, "threads")
         self._real = TIERS[accuracy]
         self._device_scene = assemble(scene, self._real, self.device, accelerator == "grid")
         self._look: tuple | None = None
