@@ -6,7 +6,7 @@ import warp as wp
 
 from .blocks import lowest_lane, make_boxes_met, make_candidates, slot_row
 from .grid import make_walk
-from .rounding import rounding_of_sum, safe_reciprocal
+from .rounding import rounding_of_sum, safe_reciprocal, unit_roundoff
 from .spec import Spec
 from .structs import WIDE, face_hit_struct, face_ray_struct, grid_struct, local_ray_struct, mesh_struct, vec3
 from .triangle import shear_axes, solve_sheared
@@ -54,6 +54,19 @@ def make_in_range(real):
         return reported >= t_min and reported < t_max
 
     return in_range
+
+
+@cache
+def make_reported_from(real):
+    """t, or a parameter at most an ulp above it, that will not be reported as below t."""
+
+    @wp.func
+    def reported_from(t: WIDE):
+        if WIDE(real(t)) < t:
+            return t + WIDE(unit_roundoff(real(1.0))) * wp.abs(t)
+        return t
+
+    return reported_from
 
 
 @cache

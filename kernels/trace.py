@@ -5,7 +5,7 @@ from functools import cache
 import warp as wp
 
 from .box import enter_box, roots_box
-from .faces import make_face_ray, make_hit_faces, make_in_range
+from .faces import make_face_ray, make_hit_faces, make_in_range, make_reported_from
 from .grid import make_walk, wall
 from .instance import make_enter
 from .plane import root_plane
@@ -37,7 +37,7 @@ def make_closer(spec: Spec, any_hit: bool):
 def make_hit_instance(spec: Spec, any_hit: bool):
     """Best hit after one more instance. Absent shapes leave no code behind."""
     Scene, Ray, Hit, FaceHit = scene_struct(spec), world_ray_struct(), hit_struct(), face_hit_struct()
-    enter, closer = make_enter(spec), make_closer(spec, any_hit)
+    enter, closer, reported_from = make_enter(spec), make_closer(spec, any_hit), make_reported_from(spec.real)
     has_sphere = ShapeKind.SPHERE in spec.shapes
     has_box = ShapeKind.BOX in spec.shapes
     has_plane = ShapeKind.PLANE in spec.shapes
@@ -63,7 +63,7 @@ def make_hit_instance(spec: Spec, any_hit: bool):
                     t_near, t_far = local.scale * (local.start + near), local.scale * (local.start + far)
                     best = closer(t_near, i, 0, ray.t_min, ray.t_max, best)
                     if along >= 0 and t_near < ray.t_min and ray.t_min < t_far:
-                        best = closer(ray.t_min, i, 0, ray.t_min, ray.t_max, best)
+                        best = closer(reported_from(ray.t_min), i, 0, ray.t_min, ray.t_max, best)
                     best = closer(t_far, i, 0, ray.t_min, ray.t_max, best)
         if wp.static(has_plane):
             if shape.kind == wp.static(int(ShapeKind.PLANE)):

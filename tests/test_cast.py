@@ -81,6 +81,14 @@ def test_ray_in_the_plane_of_a_box_face_hits_it(axis, sign, accuracy, device):
     assert tracer_of(BLOCK, accuracy=accuracy, device=device).cast(o, d).t == 4
 
 
+@pytest.mark.parametrize("t_min", [0.25, 0.7, 0.3, -0.7])
+def test_ray_along_a_box_face_is_on_it_from_t_min_on(t_min, accuracy, device):
+    # 0.7 as float32 lies below 0.7, which must not turn the answer into the far end.
+    hits = tracer_of(BLOCK, accuracy=accuracy, device=device).cast((0, 1, 0.5), (1, 0, 0), t_min=t_min)
+    assert t_min <= hits.t <= t_min + np.spacing(real_of(accuracy)(abs(t_min)))
+    np.testing.assert_array_equal(hits.normal, (0, 1, 0))
+
+
 @pytest.mark.parametrize("shape", SOLIDS[1:])
 def test_edges_and_corners_count(shape, accuracy, device):
     targets = np.array([(1, 1, 1), (-1, 1, 1), (1, 0.5, 1), (-1, -1, -1), (0.25, 1, -1)], float)

@@ -103,11 +103,9 @@ def test_vectors_loops_and_leaves_agree(shift, real, device, rng):
     np.testing.assert_array_equal(answers[:, 2], answers[:, 3])
     np.testing.assert_array_equal(answers[:, 2], answers[:, 4])
     for column in (0, 2):
-        assert (
-            0.05 < np.mean(answers[:, column] == 0) < 0.95
-            or 0.05 < np.mean(answers[:, column] == 255) < 0.95
-            or (len(np.unique(answers[:, column])) > 100)
-        )
+        # Each lane answers yes to some rays and no to others, so that agreement means something.
+        assert np.bitwise_or.reduce(answers[:, column]) == 255
+        assert np.bitwise_and.reduce(answers[:, column]) == 0
 
 
 def test_boxes_are_met_where_slabs_say(real, device, rng):
