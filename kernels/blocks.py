@@ -1,8 +1,8 @@
-"""Eight boxes or eight triangles against one ray, at once.
+"""Eight triangles against one ray, at once.
 
-A block is eight triangles stored by component: row 3 j + k holds coordinate k of vertex j, a lane for each triangle.
-A group is eight boxes stored likewise: rows lower x y z, upper x y z. On a CPU the lanes are one vector register; on a
-GPU they are a loop. Both round the same operations, so they answer the same.
+A block is eight triangles stored by component: row 3 j + k holds coordinate k of vertex j, a lane for each triangle; in a
+tenth row lie the numbers of the user's faces, -1 in unused lanes. On a CPU the lanes are one vector register; on a GPU
+they are a loop. Both round the same operations, so they answer the same.
 """
 
 from functools import cache
@@ -10,51 +10,15 @@ from functools import cache
 import warp as wp
 
 LANES = 8
-BLOCK_SIZE = 9 * LANES
-"""Reals in a block."""
-GROUP_SIZE = 6 * LANES
-"""Reals in a group."""
-
-BOXES_MET = """
-#if !defined(__CUDA_ARCH__)
-#pragma clang fp contract(off)
-    typedef REAL V __attribute__((vector_size(8 * sizeof(REAL)), aligned(sizeof(REAL))));
-    typedef bool B8 __attribute__((ext_vector_type(8)));
-    const V* row = (const V*)(box.data + 48 * (size_t)group);
-    const int x = inv_d[0] < 0 ? 3 : 0, y = inv_d[1] < 0 ? 3 : 0, z = inv_d[2] < 0 ? 3 : 0;
-    V near_x = (row[x] - o[0]) * inv_d[0], far_x = (row[3 - x] - o[0]) * inv_d[0];
-    V near_y = (row[y + 1] - o[1]) * inv_d[1], far_y = (row[4 - y] - o[1]) * inv_d[1];
-    V near_z = (row[z + 2] - o[2]) * inv_d[2], far_z = (row[5 - z] - o[2]) * inv_d[2];
-    V near = near_x > near_y ? near_x : near_y;
-    near = near > near_z ? near : near_z;
-    V far = far_x < far_y ? far_x : far_y;
-    far = far < far_z ? far : far_z;
-    auto met = (near <= far) & (far >= V{}) & (near <= V{} + t_max);
-    return __builtin_bit_cast(unsigned char, __builtin_convertvector(met, B8));
-#else
-    const REAL* row = box.data + 48 * (size_t)group;
-    const int x = inv_d[0] < 0 ? 24 : 0, y = inv_d[1] < 0 ? 24 : 0, z = inv_d[2] < 0 ? 24 : 0;
-    int met = 0;
-    for (int lane = 0; lane < 8; ++lane) {
-        REAL near_x = (row[x + lane] - o[0]) * inv_d[0], far_x = (row[24 - x + lane] - o[0]) * inv_d[0];
-        REAL near_y = (row[y + 8 + lane] - o[1]) * inv_d[1], far_y = (row[32 - y + lane] - o[1]) * inv_d[1];
-        REAL near_z = (row[z + 16 + lane] - o[2]) * inv_d[2], far_z = (row[40 - z + lane] - o[2]) * inv_d[2];
-        REAL near = near_x > near_y ? near_x : near_y;
-        near = near > near_z ? near : near_z;
-        REAL far = far_x < far_y ? far_x : far_y;
-        far = far < far_z ? far : far_z;
-        met |= (near <= far && far >= 0 && near <= t_max ? 1 : 0) << lane;
-    }
-    return met;
-#endif
-"""
+BLOCK_SIZE = 10 * LANES
+"""Reals in a block: with float32, five lines of 64 bytes."""
 
 CANDIDATES = """
 #if !defined(__CUDA_ARCH__)
 #pragma clang fp contract(off)
     typedef REAL V __attribute__((vector_size(8 * sizeof(REAL)), aligned(sizeof(REAL))));
     typedef bool B8 __attribute__((ext_vector_type(8)));
-    const V* row = (const V*)(corner.data + 72 * (size_t)block);
+    const V* row = (const V*)(corner.data + 80 * (size_t)block);
     V az = row[kz] - oz, bz = row[kz + 3] - oz, cz = row[kz + 6] - oz;
     V ax = (row[kx] - ox) - sx * az, bx = (row[kx + 3] - ox) - sx * bz, cx = (row[kx + 6] - ox) - sx * cz;
     V ay = (row[ky] - oy) - sy * az, by = (row[ky + 3] - oy) - sy * bz, cy = (row[ky + 6] - oy) - sy * cz;
@@ -62,7 +26,7 @@ CANDIDATES = """
     auto outside = ((u1 < u2) | (v1 < v2) | (w1 < w2)) & ((u1 > u2) | (v1 > v2) | (w1 > w2));
     return 255 ^ __builtin_bit_cast(unsigned char, __builtin_convertvector(outside, B8));
 #else
-    const REAL* row = corner.data + 72 * (size_t)block;
+    const REAL* row = corner.data + 80 * (size_t)block;
     int outside = 0;
     for (int lane = 0; lane < 8; ++lane) {
         const REAL* p = row + lane;
@@ -82,17 +46,6 @@ def native_code(code: str, real: type, is_vector: bool = True) -> str:
     """The code for one type of reals; without vectors, the loop of the GPU on any device."""
     code = code.replace("REAL", "float" if real is wp.float32 else "double")
     return code if is_vector else code.replace("#if !defined(__CUDA_ARCH__)", "#if 0")
-
-
-@cache
-def make_boxes_met(real):
-    """Which boxes of a group the ray meets with t <= t_max, lane by lane in the bits of an int. Boxes are padded."""
-    vec = wp.types.vector(3, real)
-
-    @wp.func_native(native_code(BOXES_MET, real))
-    def boxes_met(box: wp.array(dtype=real), group: int, o: vec, inv_d: vec, t_max: real) -> int: ...
-
-    return boxes_met
 
 
 @cache
@@ -143,4 +96,24 @@ def make_corner(real):
 @wp.func
 def slot_row(slot: int):
     """Where in the corners of all blocks the first row of a slot lies; rows are 8 apart. Slot s is lane s % 8."""
-    return (slot >> 3) * 72 + (slot & 7)
+    return (slot >> 3) * 80 + (slot & 7)
+
+
+@cache
+def make_face_at(real):
+    """The user's number of the face in a slot, -1 if it is unused."""
+
+    @wp.func_native("return ((const int*)(corner.data + 80 * (size_t)(slot >> 3) + 72))[slot & 7];")
+    def face_at(corner: wp.array(dtype=real), slot: int) -> int: ...
+
+    return face_at
+
+
+@cache
+def make_set_face(real):
+    """Stores what `face_at` reads."""
+
+    @wp.func_native("((int*)(corner.data + 80 * (size_t)(slot >> 3) + 72))[slot & 7] = face;")
+    def set_face(corner: wp.array(dtype=real), slot: int, face: int): ...
+
+    return set_face

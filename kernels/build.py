@@ -8,12 +8,15 @@ from functools import cache
 
 import warp as wp
 
-from .blocks import make_corner, slot_row
+from .blocks import make_corner, make_face_at, make_set_face, slot_row
 from .grid import cell_id, cell_of
 from .rounding import OPTIONS
 from .structs import WIDE, grid_struct
+from .tree import STEPS, bound_at, set_bound
 
 Grid = grid_struct(WIDE)
+MOST_GAP = 255
+"""The farthest that a cell knows to be empty around it."""
 
 
 @wp.func
@@ -106,6 +109,7 @@ def make_sort_keys(real):
 @cache
 def make_fill_blocks(real):
     """Kernel that copies faces, in sorted order, into the lanes of blocks."""
+    set_face = make_set_face(real)
 
     @wp.kernel(module="unique", enable_backward=False, module_options=OPTIONS)
     def fill_blocks(
@@ -113,16 +117,15 @@ def make_fill_blocks(real):
         sorted_face: wp.array(dtype=wp.int32),
         face_count: int,
         corner: wp.array(dtype=real),
-        face: wp.array(dtype=wp.int32),
     ):
         slot = wp.tid()
         row = slot_row(slot)
         if slot < face_count:
-            face[slot] = sorted_face[slot]
+            set_face(corner, slot, sorted_face[slot])
             for k in range(9):
                 corner[row + 8 * k] = points[9 * sorted_face[slot] + k]
         else:
-            face[slot] = -1
+            set_face(corner, slot, -1)
             for k in range(9):
                 corner[row + 8 * k] = real(0.0)
 
@@ -132,32 +135,38 @@ def make_fill_blocks(real):
 @cache
 def make_list_blocks(real):
     """Kernel that counts, or stores, the cells that each block touches, with its padded bounds within each."""
-    corner = make_corner(real)
+    corner, face_at = make_corner(real), make_face_at(real)
 
     @wp.func
-    def store_bounds(bounds: wp.array(dtype=real), slot: int, lower: wp.vec3d, upper: wp.vec3d):
+    def store_bounds(
+        bounds: wp.array(dtype=wp.int32), slot: int, lower: wp.vec3d, upper: wp.vec3d, frame: wp.vec3d, step: wp.vec3d
+    ):
         for axis in range(3):
-            bounds[6 * slot + axis] = real(lower[axis])
-            bounds[6 * slot + 3 + axis] = real(upper[axis])
+            # Outwards, by a little more than the quotients are rounded.
+            first = wp.floor((lower[axis] - frame[axis]) / step[axis] - WIDE(1.0e-3))
+            last = wp.ceil((upper[axis] - frame[axis]) / step[axis] + WIDE(1.0e-3))
+            bounds[6 * slot + axis] = int(wp.clamp(first, WIDE(0.0), WIDE(STEPS)))
+            bounds[6 * slot + 3 + axis] = int(wp.clamp(last, WIDE(0.0), WIDE(STEPS)))
 
     @wp.kernel(module="unique", enable_backward=False, module_options=OPTIONS)
     def list_blocks(
         grid: Grid,
         corners: wp.array(dtype=real),
-        face: wp.array(dtype=wp.int32),
         pad: WIDE,  # widens each cell on all sides
+        frame_lo: wp.vec3d,  # as in the mesh
+        frame_step: wp.vec3d,
         stores: bool,  # False: end[k] becomes the count of block k; True: its pairs end at end[k]
         end: wp.array(dtype=wp.int64),
         cell: wp.array(dtype=wp.int32),
         pair: wp.array(dtype=wp.int32),  # numbers of the pairs, to be sorted by cell
         listed: wp.array(dtype=wp.int32),  # the block of each pair
-        bounds: wp.array(dtype=real),  # [6 pairs]
+        bounds: wp.array(dtype=wp.int32),  # [6 pairs]  in steps from the frame of the cell
     ):
         block = wp.tid()
         pads = wp.vec3d(pad, pad, pad)
         least, most = wp.vec3d(WIDE(wp.inf)), wp.vec3d(WIDE(-wp.inf))
         for lane in range(8):
-            if face[8 * block + lane] >= 0:
+            if face_at(corners, 8 * block + lane) >= 0:
                 row = slot_row(8 * block + lane)
                 for j in range(3):
                     least = wp.min(least, corner(corners, row, j))
@@ -176,7 +185,7 @@ def make_list_blocks(real):
                     lower, upper = center + half, center - half
                     is_touched = bool(False)
                     for lane in range(8):
-                        if face[8 * block + lane] >= 0:
+                        if face_at(corners, 8 * block + lane) >= 0:
                             row = slot_row(8 * block + lane)
                             a, b, c = corner(corners, row, 0), corner(corners, row, 1), corner(corners, row, 2)
                             if touches_triangle(center, half, a, b, c):
@@ -188,7 +197,8 @@ def make_list_blocks(real):
                             cell[slot] = cell_id(x, y, z, grid.count)
                             pair[slot] = slot
                             listed[slot] = block
-                            store_bounds(bounds, slot, lower, upper)
+                            frame = frame_lo + wp.cw_mul(wp.vec3d(WIDE(x), WIDE(y), WIDE(z)), grid.cell)
+                            store_bounds(bounds, slot, lower, upper, frame, frame_step)
                             slot += 1
                         else:
                             count += wp.int64(1)
@@ -236,41 +246,134 @@ def find_starts(cell: wp.array(dtype=wp.int32), pair_count: int, start: wp.array
         start[c] = wp.lower_bound(cell, 0, pair_count, c)
 
 
+@wp.func
+def size_of_level(items: int, level: int):
+    """Nodes of one level above so many items; level 0 is the items themselves."""
+    return int((wp.int64(items) + (wp.int64(1) << wp.int64(3 * level)) - wp.int64(1)) >> wp.int64(3 * level))
+
+
+@wp.func
+def level_count(items: int):
+    """Levels of the tree above so many items: one if eight are enough, none for none."""
+    if items == 0:
+        return int(0)
+    levels = int(1)
+    while size_of_level(items, levels) > 1:
+        levels += 1
+    return levels
+
+
 @wp.kernel(module="unique", enable_backward=False, module_options=OPTIONS)
-def count_groups(pair_start: wp.array(dtype=wp.int32), end: wp.array(dtype=wp.int32)):
-    """end[c + 1]: the groups of 8 pairs that cell c needs; end[0] = 0."""
+def count_nodes(
+    pair_start: wp.array(dtype=wp.int32), end: wp.array(dtype=wp.int32), most_levels: wp.array(dtype=wp.int32)
+):
+    """end[c + 1]: the nodes that cell c needs; end[0] = 0. Also the most levels of any cell."""
     c = wp.tid()
+    items = pair_start[c + 1] - pair_start[c]
+    levels = level_count(items)
+    nodes = int(0)
+    for level in range(levels):
+        nodes += size_of_level(items, level + 1)
     if c == 0:
         end[0] = 0
-    end[c + 1] = (pair_start[c + 1] - pair_start[c] + 7) / 8
+    end[c + 1] = nodes
+    wp.atomic_max(most_levels, 0, levels)
 
 
-@cache
-def make_fill_groups(real):
-    """Kernel that stores the blocks of a cell, and their bounds, in groups of 8; no ray meets the unused lanes."""
+@wp.func
+def cell_of_node(start: wp.array(dtype=wp.int32), node: int):
+    """The cell whose nodes include this one: the last whose nodes do not begin beyond it."""
+    first = int(0)
+    last = int(start.shape[0] - 1)
+    while last - first > 1:
+        middle = first + (last - first) / 2
+        if start[middle] <= node:
+            first = middle
+        else:
+            last = middle
+    return first
 
-    @wp.kernel(module="unique", enable_backward=False, module_options=OPTIONS)
-    def fill_groups(
-        pair_start: wp.array(dtype=wp.int32),
-        sorted_pair: wp.array(dtype=wp.int32),
-        listed: wp.array(dtype=wp.int32),
-        bounds: wp.array(dtype=real),
-        start: wp.array(dtype=wp.int32),
-        item: wp.array(dtype=wp.int32),
-        box: wp.array(dtype=real),
-    ):
-        c = wp.tid()
-        for k in range(8 * start[c], 8 * start[c + 1]):
-            q = pair_start[c] + k - 8 * start[c]
-            row = (k >> 3) * 48 + (k & 7)
-            if q < pair_start[c + 1]:
-                item[k] = listed[sorted_pair[q]]
-                for side in range(6):
-                    box[row + 8 * side] = bounds[6 * sorted_pair[q] + side]
-            else:
-                item[k] = -1
-                for side in range(3):
-                    box[row + 8 * side] = real(wp.inf)
-                    box[row + 24 + 8 * side] = real(-wp.inf)
 
-    return fill_groups
+@wp.kernel(module="unique", enable_backward=False, module_options=OPTIONS)
+def start_gaps(start: wp.array(dtype=wp.int32), gap: wp.array(dtype=wp.uint8)):
+    """0 for a cell that lists anything, MOST_GAP for an empty one."""
+    c = wp.tid()
+    gap[c] = wp.uint8(wp.where(start[c] < start[c + 1], 0, MOST_GAP))
+
+
+@wp.kernel(module="unique", enable_backward=False, module_options=OPTIONS)
+def spread_gaps(
+    stride: int,  # from a cell to the next one along an axis
+    count: int,  # cells along it
+    gap: wp.array(dtype=wp.uint8),
+    wider: wp.array(dtype=wp.uint8),
+):
+    """One axis of the Chebyshev distance: the least, along the axis, of the larger of a gap there and the way to it."""
+    c = wp.tid()
+    place = (c / stride) % count
+    least = int(gap[c])
+    away = int(1)
+    while away < least:
+        if place + away < count:
+            least = wp.min(least, wp.max(away, int(gap[c + away * stride])))
+        if place >= away:
+            least = wp.min(least, wp.max(away, int(gap[c - away * stride])))
+        away += 1
+    wider[c] = wp.uint8(least)
+
+
+@wp.func
+def widest(node: wp.array(dtype=wp.int32), k: int, side: int):
+    """One side of the box around all children of a node, in steps. Lanes without a child are inside out."""
+    bound = bound_at(node, k, side, 0)
+    for lane in range(1, 8):
+        if side < 3:
+            bound = wp.min(bound, bound_at(node, k, side, lane))
+        else:
+            bound = wp.max(bound, bound_at(node, k, side, lane))
+    return bound
+
+
+@wp.kernel(module="unique", enable_backward=False, module_options=OPTIONS)
+def fill_nodes(
+    level: int,
+    pair_start: wp.array(dtype=wp.int32),
+    sorted_pair: wp.array(dtype=wp.int32),
+    listed: wp.array(dtype=wp.int32),
+    bounds: wp.array(dtype=wp.int32),
+    start: wp.array(dtype=wp.int32),
+    node: wp.array(dtype=wp.int32),
+):
+    """Stores one level of nodes: the boxes of blocks, or the bounds of the boxes a level below.
+
+    The nodes of a cell lie level by level, its root first.
+    """
+    k = wp.tid()
+    c = cell_of_node(start, k)
+    items = pair_start[c + 1] - pair_start[c]
+    mine = int(level_count(items))
+    place = int(k - start[c])
+    below = int(start[c] + 1)  # where the level below that of place begins
+    while place >= size_of_level(items, mine):
+        place -= size_of_level(items, mine)
+        mine -= 1
+        below += size_of_level(items, mine)
+    if mine != level:
+        return
+    for lane in range(8):
+        item = 8 * place + lane
+        child = int(-1)
+        if item >= size_of_level(items, level - 1):
+            for side in range(3):
+                set_bound(node, k, side, lane, STEPS)
+                set_bound(node, k, 3 + side, lane, 0)
+        elif level == 1:
+            pair = sorted_pair[pair_start[c] + item]
+            child = listed[pair]
+            for side in range(6):
+                set_bound(node, k, side, lane, bounds[6 * pair + side])
+        else:
+            child = -2 - (below + item)
+            for side in range(6):
+                set_bound(node, k, side, lane, widest(node, below + item, side))
+        node[32 * k + 24 + lane] = child

@@ -4,32 +4,61 @@ from functools import cache
 
 import warp as wp
 
+from .memory import make_at, vec3d_at
+from .packet import make_store_packet, make_trace_packet, packet_struct
 from .rounding import OPTIONS
 from .spec import Spec
-from .structs import WIDE, hit_arrays_struct, rays_struct, scene_struct, vec3
+from .structs import WIDE, hit_arrays_struct, hit_struct, rays_struct, scene_struct, vec3
 from .surface import leave, make_surface
 from .trace import make_primitive_id, make_trace
 
 Rays = rays_struct()
+wide_at, vec3f_at = make_at(WIDE), make_at(wp.vec3f)
 
 
 @wp.func
 def load_ray(rays: Rays, k: int):
     """Ray k as (origin, direction, t_min, t_max) in float64, which holds float32 exactly."""
-    t_min, t_max = rays.t_min[k * rays.t_min_step], rays.t_max[k * rays.t_max_step]
+    t_min, t_max = wide_at(rays.t_min, k * rays.t_min_step), wide_at(rays.t_max, k * rays.t_max_step)
     if rays.is_wide:
-        return rays.origin_wide[k], rays.direction_wide[k], t_min, t_max
-    return wp.vec3d(rays.origin[k]), wp.vec3d(rays.direction[k]), t_min, t_max
+        return vec3d_at(rays.origin_wide, k), vec3d_at(rays.direction_wide, k), t_min, t_max
+    return wp.vec3d(vec3f_at(rays.origin, k)), wp.vec3d(vec3f_at(rays.direction, k)), t_min, t_max
+
+
+@cache
+def make_store_surface(spec: Spec):
+    """Stores what only the surface at a hit tells: point, normal and weights, those that are asked for."""
+    real = spec.real
+    vec, vec2 = vec3(real), wp.types.vector(2, real)
+    Scene, Arrays, Hit, surface = scene_struct(spec), hit_arrays_struct(real), hit_struct(), make_surface(spec)
+
+    @wp.func
+    def store_surface(scene: Scene, rays: Rays, hits: Arrays, k: int, hit: Hit):
+        position, normal, uv, t_error = vec(), vec(), vec2(), real(0.0)
+        if hit.instance >= 0:
+            o, d, t_min, _t_max = load_ray(rays, k)
+            s = surface(scene, o, d, t_min, hit)
+            position, normal, uv = vec(s.position), vec(s.normal), vec2(real(s.u), real(s.v))
+            t_error = real(wp.nan)
+        if hits.position.shape[0] > 0:
+            hits.position[k] = position
+        if hits.normal.shape[0] > 0:
+            hits.normal[k] = normal
+        if hits.uv.shape[0] > 0:
+            hits.uv[k] = uv
+        if hits.t_error.shape[0] > 0:
+            hits.t_error[k] = t_error
+
+    return store_surface
 
 
 @cache
 def make_cast(spec: Spec, full: bool):
-    """Closest hits. Only with `full` does code for points, normals and weights exist."""
+    """Closest hits of one ray a thread. Only with `full` does code for points, normals and weights exist."""
     real = spec.real
-    vec, vec2 = vec3(real), wp.types.vector(2, real)
     Scene, Arrays = scene_struct(spec), hit_arrays_struct(real)
     trace, primitive_id = make_trace(spec, False), make_primitive_id(spec)
-    surface = make_surface(spec) if full else None
+    store_surface = make_store_surface(spec) if full else None
 
     @wp.kernel(module="unique", enable_backward=False, module_options=OPTIONS)
     def cast(scene: Scene, rays: Rays, hits: Arrays, first: int):
@@ -46,21 +75,27 @@ def make_cast(spec: Spec, full: bool):
         if hits.primitive_id.shape[0] > 0:
             hits.primitive_id[k] = primitive_id(scene, hit)
         if wp.static(full):
-            position, normal, uv, t_error = vec(), vec(), vec2(), real(0.0)
-            if is_hit:
-                s = surface(scene, o, d, t_min, hit)
-                position, normal, uv = vec(s.position), vec(s.normal), vec2(real(s.u), real(s.v))
-                t_error = real(wp.nan)
-            if hits.position.shape[0] > 0:
-                hits.position[k] = position
-            if hits.normal.shape[0] > 0:
-                hits.normal[k] = normal
-            if hits.uv.shape[0] > 0:
-                hits.uv[k] = uv
-            if hits.t_error.shape[0] > 0:
-                hits.t_error[k] = t_error
+            store_surface(scene, rays, hits, k, hit)
 
     return cast
+
+
+@cache
+def make_cast_packets(spec: Spec):
+    """Closest hits of `width` rays a thread, t and ids alone: what `make_cast` stores, sooner."""
+    real = spec.real
+    Scene, Arrays, Packet = scene_struct(spec), hit_arrays_struct(real), packet_struct(real)
+    trace_packet, store_packet = make_trace_packet(spec, False), make_store_packet(real)
+
+    @wp.kernel(module="unique", enable_backward=False, module_options=OPTIONS)
+    def cast_packets(scene: Scene, rays: Rays, hits: Arrays, width: int, end: int, first: int):
+        k = first + width * wp.tid()
+        count = wp.min(width, end - k)
+        packet = Packet()
+        trace_packet(scene, rays, k, count, packet)
+        store_packet(packet, hits, k, count)
+
+    return cast_packets
 
 
 @cache
@@ -76,6 +111,27 @@ def make_occluded(spec: Spec):
         is_occluded[k] = trace(scene, o, d, t_min, t_max).instance >= 0
 
     return occluded
+
+
+@cache
+def make_occluded_packets(spec: Spec):
+    """What `make_occluded` stores, for `width` rays a thread."""
+    Scene, Packet, trace_packet = scene_struct(spec), packet_struct(spec.real), make_trace_packet(spec, True)
+
+    @wp.kernel(module="unique", enable_backward=False, module_options=OPTIONS)
+    def occluded_packets(
+        scene: Scene, rays: Rays, is_occluded: wp.array(dtype=wp.bool), width: int, end: int, first: int
+    ):
+        k = first + width * wp.tid()
+        count = wp.min(width, end - k)
+        packet = Packet()
+        trace_packet(scene, rays, k, count, packet)
+        lane = int(0)
+        while lane < count:
+            is_occluded[k + lane] = packet.instance[lane] >= 0
+            lane += 1
+
+    return occluded_packets
 
 
 @cache

@@ -4,9 +4,11 @@ from functools import cache
 
 import warp as wp
 
-from .blocks import lowest_lane, make_boxes_met, make_candidates, slot_row
-from .grid import make_walk
-from .rounding import rounding_of_sum, safe_reciprocal, unit_roundoff
+from .blocks import lowest_lane, make_candidates, make_face_at, slot_row
+from .grid import cell_of, step_of, wall_t
+from .memory import make_at
+from .mesh_walk import make_next_slot, walk_struct
+from .rounding import real_above, rounding_of_sum, safe_reciprocal, unit_roundoff
 from .spec import Spec
 from .structs import WIDE, face_hit_struct, face_ray_struct, grid_struct, local_ray_struct, mesh_struct, vec3
 from .triangle import shear_axes, solve_sheared
@@ -24,7 +26,7 @@ def make_face_ray(spec: Spec):
         ray = FaceRay()
         ray.o = vec(local.o)
         ray.d = vec(local.d)
-        ray.inv_d = safe_reciprocal(ray.d)
+        ray.inv_d = safe_reciprocal(ray.d, real(1.0))
         kx, ky, kz = shear_axes(ray.d)
         ray.kx = kx
         ray.ky = ky
@@ -74,48 +76,58 @@ def make_hit_slot(spec: Spec):
     """Ray against the triangle of one slot, as `hit_triangle`, with the shear taken from the ray."""
     real = spec.real
     Mesh, FaceRay = mesh_struct(spec.real, spec.mesh_grid), face_ray_struct(real)
+    at = make_at(real)
 
     @wp.func
     def hit_slot(mesh: Mesh, ray: FaceRay, slot: int):
         row = slot_row(slot)
         kx, ky, kz = row + 8 * ray.kx, row + 8 * ray.ky, row + 8 * ray.kz
-        az = mesh.corner[kz] - ray.oz
-        bz = mesh.corner[kz + 24] - ray.oz
-        cz = mesh.corner[kz + 48] - ray.oz
-        ax = (mesh.corner[kx] - ray.ox) - ray.sx * az
-        bx = (mesh.corner[kx + 24] - ray.ox) - ray.sx * bz
-        cx = (mesh.corner[kx + 48] - ray.ox) - ray.sx * cz
-        ay = (mesh.corner[ky] - ray.oy) - ray.sy * az
-        by = (mesh.corner[ky + 24] - ray.oy) - ray.sy * bz
-        cy = (mesh.corner[ky + 48] - ray.oy) - ray.sy * cz
+        az = at(mesh.corner, kz) - ray.oz
+        bz = at(mesh.corner, kz + 24) - ray.oz
+        cz = at(mesh.corner, kz + 48) - ray.oz
+        ax = (at(mesh.corner, kx) - ray.ox) - ray.sx * az
+        bx = (at(mesh.corner, kx + 24) - ray.ox) - ray.sx * bz
+        cx = (at(mesh.corner, kx + 48) - ray.ox) - ray.sx * cz
+        ay = (at(mesh.corner, ky) - ray.oy) - ray.sy * az
+        by = (at(mesh.corner, ky + 24) - ray.oy) - ray.sy * bz
+        cy = (at(mesh.corner, ky + 48) - ray.oy) - ray.sy * cz
         return solve_sheared(ax, ay, az, bx, by, bz, cx, cy, cz, ray.dz)
 
     return hit_slot
 
 
 @cache
-def make_hit_faces(spec: Spec, any_hit: bool):
-    """Best triangle of a mesh. With any_hit, the first one found, marked by t = -inf."""
+def make_try_slot(spec: Spec, any_hit: bool):
+    """The better of a hit and the triangle of a slot. With any_hit, the first one counts, marked by t = -inf."""
     real = spec.real
-    Mesh, FaceRay, FaceHit = mesh_struct(real, spec.mesh_grid), face_ray_struct(real), face_hit_struct()
-    hit_slot, in_range = make_hit_slot(spec), make_in_range(real)
-    candidates = make_candidates(real)
+    Mesh, FaceRay, FaceHit = mesh_struct(real, spec.mesh_grid), face_ray_struct(real), face_hit_struct(real)
+    hit_slot, in_range, face_at = make_hit_slot(spec), make_in_range(real), make_face_at(real)
 
     @wp.func
     def try_slot(mesh: Mesh, ray: FaceRay, slot: int, best: FaceHit) -> FaceHit:
         is_hit, t, _u, _v = hit_slot(mesh, ray, slot)
         t_world = ray.scale * (ray.start + t)
-        if is_hit and t <= best.t and in_range(t_world, ray.t_min, ray.t_max):
+        if is_hit and t <= WIDE(best.t) and in_range(t_world, ray.t_min, ray.t_max):
             is_better = best.slot < 0 or t_world < best.t_world
             if not is_better and t_world == best.t_world:
-                is_better = mesh.face[slot] < mesh.face[best.slot]
+                is_better = face_at(mesh.corner, slot) < face_at(mesh.corner, best.slot)
             if is_better:
-                best.t = t + rounding_of_sum(ray.start, t)
+                best.t = real_above(t + rounding_of_sum(ray.start, t), real(0.0))
                 best.t_world = t_world
                 best.slot = slot
                 if wp.static(any_hit):
-                    best.t = WIDE(-wp.inf)
+                    best.t = real(-wp.inf)
         return best
+
+    return try_slot
+
+
+@cache
+def make_hit_faces(spec: Spec, any_hit: bool):
+    """Best triangle of a mesh."""
+    real = spec.real
+    Mesh, FaceRay, FaceHit = mesh_struct(real, spec.mesh_grid), face_ray_struct(real), face_hit_struct(real)
+    try_slot, candidates = make_try_slot(spec, any_hit), make_candidates(real)
 
     @wp.func
     def try_block(mesh: Mesh, ray: FaceRay, block: int, best: FaceHit) -> FaceHit:
@@ -128,31 +140,61 @@ def make_hit_faces(spec: Spec, any_hit: bool):
     if not spec.mesh_grid:
 
         @wp.func
-        def hit_every_block(mesh: Mesh, ray: FaceRay, best: FaceHit) -> FaceHit:
+        def hit_every_block(meshes: wp.array(dtype=Mesh), m: int, ray: FaceRay, best: FaceHit) -> FaceHit:
+            mesh = meshes[m]
             for block in range(mesh.block_count):
                 best = try_block(mesh, ray, block, best)
             return best
 
         return hit_every_block
 
-    Grid = grid_struct(real)
-    boxes_met = make_boxes_met(real)
+    start_walk, hit_walk = make_start_walk(spec), make_hit_walk(spec, any_hit)
 
     @wp.func
-    def visit_groups(
-        grid: Grid, mesh: Mesh, ray: FaceRay, cell: int, t_in: real, t_out: real, best: FaceHit
-    ) -> FaceHit:
-        for group in range(grid.start[cell], grid.start[cell + 1]):
-            left = boxes_met(mesh.box, group, ray.o, ray.inv_d, real(best.t))
-            while left != 0:
-                best = try_block(mesh, ray, grid.item[8 * group + lowest_lane(left)], best)
-                left = left & (left - 1)
-        return best
-
-    walk = make_walk(real, visit_groups)
-
-    @wp.func
-    def hit_faces(mesh: Mesh, ray: FaceRay, best: FaceHit) -> FaceHit:
-        return walk(mesh.grid, mesh, ray, real(0.0), best)
+    def hit_faces(meshes: wp.array(dtype=Mesh), m: int, ray: FaceRay, best: FaceHit) -> FaceHit:
+        return hit_walk(meshes, m, ray, start_walk(meshes[m].grid, ray), best)
 
     return hit_faces
+
+
+@cache
+def make_start_walk(spec: Spec):
+    """A walk that begins where the ray does."""
+    real = spec.real
+    Grid, FaceRay, Walk = grid_struct(real), face_ray_struct(real), walk_struct(real)
+
+    @wp.func
+    def start_walk(grid: Grid, ray: FaceRay) -> Walk:
+        at = cell_of(ray.o, grid.lo, grid.inv_cell, grid.count)
+        walk = Walk()
+        walk.x = at[0]
+        walk.y = at[1]
+        walk.z = at[2]
+        _step_x, ahead_x = step_of(ray.inv_d[0])
+        _step_y, ahead_y = step_of(ray.inv_d[1])
+        _step_z, ahead_z = step_of(ray.inv_d[2])
+        walk.tx = wall_t(grid.lo[0], grid.cell[0], at[0] + ahead_x, ray.o[0], ray.inv_d[0])
+        walk.ty = wall_t(grid.lo[1], grid.cell[1], at[1] + ahead_y, ray.o[1], ray.inv_d[1])
+        walk.tz = wall_t(grid.lo[2], grid.cell[2], at[2] + ahead_z, ray.o[2], ray.inv_d[2])
+        walk.block = -2
+        return walk
+
+    return start_walk
+
+
+@cache
+def make_hit_walk(spec: Spec, any_hit: bool):
+    """Best triangle of a mesh on a walk that begins."""
+    real = spec.real
+    Mesh, FaceRay, FaceHit = mesh_struct(real, True), face_ray_struct(real), face_hit_struct(real)
+    Walk, next_slot, try_slot = walk_struct(real), make_next_slot(real), make_try_slot(spec, any_hit)
+
+    @wp.func
+    def hit_walk(meshes: wp.array(dtype=Mesh), m: int, ray: FaceRay, walk: Walk, best: FaceHit) -> FaceHit:
+        slot = next_slot(walk, meshes, m, ray, best.t)
+        while slot >= 0:
+            best = try_slot(meshes[m], ray, slot, best)
+            slot = next_slot(walk, meshes, m, ray, best.t)
+        return best
+
+    return hit_walk

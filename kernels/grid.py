@@ -16,9 +16,10 @@ from .structs import grid_struct
 @wp.func
 def cell_along(p: Real, lo: Real, inv_cell: Real, count: int):
     """Index along one axis of the cell that holds p; points outside count for the cell nearest to them."""
-    x = wp.floor((p - lo) * inv_cell)
+    x = (p - lo) * inv_cell
     # Clamped before the cast, which is undefined outside the range of int: 2147483520 is the largest float32 in it.
-    return wp.min(int(wp.clamp(x, type(x)(0.0), type(x)(2147483520.0))), count - 1)
+    # The cast rounds towards 0, which is down.
+    return wp.min(int(smaller(larger(x, type(x)(0.0)), type(x)(2147483520.0))), count - 1)
 
 
 @wp.func
@@ -61,7 +62,7 @@ def step_of(d: Real):
 def make_walk(real, visit):
     """A walk through the cells that a ray pierces, in order.
 
-    `visit(grid, payload, ray, cell, t_in, t_out, best) -> best` sees each cell; the walk ends at the grid's far
+    `visit(grid, payload, ray, at, cell, t_in, t_out, best) -> best` sees each cell, by its indices and by its number; the walk ends at the grid's far
     side or when `best.t` is not beyond the cell's exit. A hit need not lie in the cell where it was found. The
     ray has o, d and inv_d (see `safe_reciprocal`) in the space of the grid.
     """
@@ -82,8 +83,8 @@ def make_walk(real, visit):
         is_inside = bool(True)
         while is_inside:
             t_out = smaller(smaller(tx, ty), tz)
-            best = visit(grid, payload, ray, cell_id(x, y, z, count), t_in, t_out, best)
-            if best.t <= wp.float64(t_out):
+            best = visit(grid, payload, ray, wp.vec3i(x, y, z), cell_id(x, y, z, count), t_in, t_out, best)
+            if best.t <= t_out:
                 is_inside = False
             elif tx == t_out:
                 x += step_x

@@ -5,7 +5,8 @@ from functools import cache
 import warp as wp
 
 from .box import enter_box
-from .rounding import power_of_two_below, safe_reciprocal, shortened
+from .memory import int_at, mat33d_at, vec3d_at
+from .rounding import larger, largest, power_of_two_below, safe_reciprocal, shortened
 from .spec import ShapeKind, Spec
 from .structs import WIDE, local_ray_struct, scene_struct
 from .transform import location_to_local, offset
@@ -30,22 +31,23 @@ def make_enter(spec: Spec):
 
     @wp.func
     def enter(scene: Scene, i: int, o: wp.vec3d, d: wp.vec3d, t_min: WIDE, t_max: WIDE) -> LocalRay:
-        w = scene.instances.local_from_world[i]
-        shape = scene.shape[scene.instances.shape[i]]
+        w = mat33d_at(scene.instances.local_from_world, i)
+        shape = scene.shape[int_at(scene.instances.shape, i)]
         ray = LocalRay()
-        ray.o = location_to_local(w, scene.instances.origin[i], o)
+        ray.o = location_to_local(w, vec3d_at(scene.instances.origin, i), o)
         ray.d = offset(w, d)
-        ray.scale = power_of_two_below(wp.max(wp.abs(ray.d)))
+        ray.scale = power_of_two_below(largest(ray.d))
+        ray.inv_scale = WIDE(1.0) / ray.scale
         ray.d = ray.scale * ray.d
         ray.is_hit = True
         if wp.static(has_plane):
             if shape.kind == wp.static(int(ShapeKind.PLANE)):
                 return ray
         pad = wp.vec3d(shape.pad, shape.pad, shape.pad)
-        near, far = enter_box(ray.o, safe_reciprocal(ray.d), shape.lower - pad, shape.upper + pad)
-        first = t_min / ray.scale
+        near, far = enter_box(ray.o, safe_reciprocal(ray.d, WIDE(1.0)), shape.lower - pad, shape.upper + pad)
+        first = t_min * ray.inv_scale
         ray.is_hit = near <= far and first <= far
-        ray.start = advance(wp.max(near, first))
+        ray.start = advance(larger(near, first))
         ray.is_hit = ray.is_hit and ray.scale * ray.start <= t_max
         ray.o = ray.o + ray.start * ray.d
         return ray

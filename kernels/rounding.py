@@ -50,6 +50,13 @@ def fused(a: wp.float64, b: wp.float64, c: wp.float64) -> wp.float64: ...
 
 
 @wp.func
+def real_above(x: wp.float64, like: Real):
+    """X in the type of `like`, at least as large as x but for underflow."""
+    y = type(like)(x)
+    return y + type(like)(2.0) * unit_roundoff(y) * wp.abs(y)
+
+
+@wp.func
 def rounding_of_sum(a: wp.float64, b: wp.float64):
     """More than what b can differ by while a + b rounds to the same float."""
     return wp.float64(4.0) * unit_roundoff(a) * (wp.abs(a) + wp.abs(b))
@@ -82,25 +89,36 @@ def larger(a: Real, b: Real):
 
 
 @wp.func
-def safe_reciprocal(d: Vec3):
-    """1 / d by component; components below 1e-30 of the largest count as that small, with their sign.
+def largest(v: Vec3):
+    """Size of the largest component of a vector without NaN."""
+    return larger(larger(wp.abs(v[0]), wp.abs(v[1])), wp.abs(v[2]))
+
+
+@wp.func
+def kept_off_zero(x: Real, tiny: Real):
+    """X, or a number of its sign and of size `tiny` where x is smaller."""
+    return wp.where(wp.abs(x) < tiny, wp.where(x < type(x)(0.0), -tiny, tiny), x)
+
+
+@wp.func
+def safe_reciprocal(d: Vec3, size: Real):
+    """1 / d by component; components below 1e-30 of `size`, the largest one, count as that small, with their sign.
 
     For walls that are padded: a ray then never gives 0 * inf, and a parallel ray meets its walls very far away.
     """
-    tiny = wp.max(wp.abs(d)) * type(d[0])(1.0e-30)
-    for axis in range(3):
-        if wp.abs(d[axis]) < tiny:
-            d[axis] = wp.copysign(tiny, d[axis])
-    return wp.cw_div(type(d)(type(d[0])(1.0)), d)
+    tiny = size * type(size)(1.0e-30)
+    one = type(size)(1.0)
+    return type(d)(one / kept_off_zero(d[0], tiny), one / kept_off_zero(d[1], tiny), one / kept_off_zero(d[2], tiny))
 
 
 @wp.func
 def is_finite(v: Vec3):
-    """Whether no component is NaN or infinite."""
-    return wp.isfinite(v[0]) and wp.isfinite(v[1]) and wp.isfinite(v[2])
+    """Whether no component is NaN or infinite: x - x is 0 for all others."""
+    nothing = v - v
+    return nothing[0] + nothing[1] + nothing[2] == type(v[0])(0.0)
 
 
 @wp.func
 def is_ray(o: Vec3, d: Vec3, t_min: Real, t_max: Real):
     """Whether a ray is one: finite origin, finite direction that is not 0, limits in order and not NaN."""
-    return is_finite(o) and is_finite(d) and wp.max(wp.abs(d)) > type(t_min)(0.0) and t_min <= t_max
+    return is_finite(o) and is_finite(d) and largest(d) > type(t_min)(0.0) and t_min <= t_max

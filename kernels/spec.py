@@ -29,6 +29,11 @@ class Spec:
     def has_mesh(self) -> bool:
         return ShapeKind.MESH in self.shapes
 
+    @property
+    def in_packets(self) -> bool:
+        """Whether rays are cast in packets: where each of them is to be taken to each of a few meshes."""
+        return self.shapes == {ShapeKind.MESH} and self.mesh_grid and not self.instance_grid
+
 
 @dataclass(frozen=True)
 class Look:

@@ -41,13 +41,17 @@ def mesh_struct(real, has_grid: bool):
     """A triangle mesh in its canonical space: centred, longest half extent in [1/2, 1], by a power of two."""
     fields = {
         "block_count": wp.int32,
-        "corner": wp.array(dtype=real),  # [72 blocks]  see blocks.py; a face without area is three equal points
-        "face": wp.array(dtype=wp.int32),  # [8 blocks]  the user's face in each slot, -1 in the unused ones at the end
+        "corner": wp.array(dtype=real),  # [80 blocks]  see blocks.py; a face without area is three equal points
     }
     if has_grid:
         fields |= {
-            "grid": grid_struct(real),  # its items are blocks, in groups of 8; start counts groups
-            "box": wp.array(dtype=real),  # [48 groups]  padded bounds of each block within the cell
+            "grid": grid_struct(real),  # its items are nodes, those of a cell from its root on; none are stored
+            "gap": wp.array(
+                dtype=wp.uint8
+            ),  # [cells]  how many cells it is to one that lists anything, in any direction
+            "node": wp.array(dtype=wp.int32),  # [32 nodes]  see tree.py
+            "frame_lo": vec3(real),  # lower corner of the frame of cell 0; frames are as far apart as cells
+            "frame_step": vec3(real),  # a frame is STEPS of these long
         }
     return make_struct("Mesh", fields)
 
@@ -112,6 +116,7 @@ def local_ray_struct(real):
             "d": vec3(real),  # largest component in [1, 2)
             "start": WIDE,
             "scale": WIDE,
+            "inv_scale": WIDE,  # 1 / scale, exact
         },
     )
 
@@ -160,12 +165,12 @@ def face_ray_struct(real):
 
 
 @cache
-def face_hit_struct():
+def face_hit_struct(real):
     """Best hit within one mesh."""
     return make_struct(
         "FaceHit",
         {
-            "t": WIDE,  # local parameter beyond which nothing can be as near
+            "t": real,  # local parameter beyond which nothing can be as near
             "t_world": WIDE,
             "slot": wp.int32,
         },
@@ -179,7 +184,7 @@ def hit_struct():
 
 
 @cache
-def trail_struct(real):
+def trail_struct():
     """Where the cells that a ray pierces are written; while they are only counted, the arrays are empty."""
     return make_struct(
         "Trail",
@@ -187,16 +192,18 @@ def trail_struct(real):
             "cell": wp.array(dtype=wp.vec3i),
             "t_enter": wp.array(dtype=WIDE),
             "t_exit": wp.array(dtype=WIDE),
-            "candidates": wp.array(dtype=wp.int32),  # triangles whose blocks' boxes the ray meets
-            "box": wp.array(dtype=real),  # that of the mesh which is walked
+            "candidates": wp.array(dtype=wp.int32),  # triangles that are tested there
+            "visited": wp.array(dtype=wp.bool),  # whether the traversal looks at the cell, or jumps over it
+            "looked": wp.array(dtype=wp.int32),  # the cells that the traversal looks at
+            "tested": wp.array(dtype=wp.int32),  # triangles in each of them
         },
     )
 
 
 @cache
-def trail_end_struct():
-    """How far a walk is to go in t, and how many cells are written."""
-    return make_struct("TrailEnd", {"t": WIDE, "count": wp.int32})
+def trail_end_struct(real):
+    """How far a walk is to go in t, how many cells are written, and which of those looked at come next."""
+    return make_struct("TrailEnd", {"t": real, "count": wp.int32, "next": wp.int32, "last": wp.int32})
 
 
 @cache

@@ -57,7 +57,7 @@ def make_surface(spec: Spec):
         i = hit.instance
         local = enter(scene, i, o, d, t_min, WIDE(wp.inf))
         shape = scene.shape[scene.instances.shape[i]]
-        p = local.o + (hit.t / local.scale - local.start) * local.d
+        p = local.o + (hit.t * local.inv_scale - local.start) * local.d
         n = wp.vec3d()
         s = Surface()
         # Canonical coordinates are at most 1; the tests add up a dozen roundings of such terms.

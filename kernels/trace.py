@@ -4,12 +4,14 @@ from functools import cache
 
 import warp as wp
 
+from .blocks import make_face_at
 from .box import enter_box, roots_box
 from .faces import make_face_ray, make_hit_faces, make_in_range, make_reported_from
 from .grid import make_walk, wall
 from .instance import make_enter
+from .memory import int_at, vec3d_at
 from .plane import root_plane
-from .rounding import is_ray, rounding_of_sum, safe_reciprocal
+from .rounding import is_ray, larger, largest, real_above, rounding_of_sum, safe_reciprocal
 from .spec import ShapeKind, Spec
 from .sphere import roots_sphere
 from .structs import WIDE, face_hit_struct, grid_struct, hit_struct, scene_struct, world_ray_struct
@@ -36,7 +38,7 @@ def make_closer(spec: Spec, any_hit: bool):
 @cache
 def make_hit_instance(spec: Spec, any_hit: bool):
     """Best hit after one more instance. Absent shapes leave no code behind."""
-    Scene, Ray, Hit, FaceHit = scene_struct(spec), world_ray_struct(), hit_struct(), face_hit_struct()
+    Scene, Ray, Hit, FaceHit = scene_struct(spec), world_ray_struct(), hit_struct(), face_hit_struct(spec.real)
     enter, closer, reported_from = make_enter(spec), make_closer(spec, any_hit), make_reported_from(spec.real)
     has_sphere = ShapeKind.SPHERE in spec.shapes
     has_box = ShapeKind.BOX in spec.shapes
@@ -49,7 +51,7 @@ def make_hit_instance(spec: Spec, any_hit: bool):
         local = enter(scene, i, ray.o_world, ray.d, ray.t_min, best.t)
         if not local.is_hit:
             return best
-        shape = scene.shape[scene.instances.shape[i]]
+        shape = scene.shape[int_at(scene.instances.shape, i)]
         if wp.static(has_sphere):
             if shape.kind == wp.static(int(ShapeKind.SPHERE)):
                 is_hit, near, far = roots_sphere(local.o, local.d, shape.upper[0])
@@ -74,12 +76,12 @@ def make_hit_instance(spec: Spec, any_hit: bool):
             if shape.kind == wp.static(int(ShapeKind.MESH)):
                 face = FaceHit()
                 face.slot = -1
-                reach = best.t / local.scale
-                face.t = reach - local.start + rounding_of_sum(reach, local.start)
-                face = hit_faces(scene.mesh[shape.mesh], face_ray(local, ray.t_min, ray.t_max), face)
+                reach = best.t * local.inv_scale
+                face.t = real_above(reach - local.start + rounding_of_sum(reach, local.start), face.t)
+                face = hit_faces(scene.mesh, shape.mesh, face_ray(local, ray.t_min, ray.t_max), face)
                 if face.slot >= 0:
                     if wp.static(any_hit):
-                        best.t = face.t
+                        best.t = WIDE(-wp.inf)
                         best.instance = i
                     else:
                         best = closer(face.t_world, i, face.slot, ray.t_min, ray.t_max, best)
@@ -92,15 +94,15 @@ def make_hit_instance(spec: Spec, any_hit: bool):
 def make_primitive_id(spec: Spec):
     """The user's number of what was hit: of a face on a mesh, 0 on other shapes, -1 for a miss."""
     Scene, Hit = scene_struct(spec), hit_struct()
-    has_mesh = spec.has_mesh
+    has_mesh, face_at = spec.has_mesh, make_face_at(spec.real)
 
     @wp.func
     def primitive_id(scene: Scene, hit: Hit) -> int:
         if wp.static(has_mesh):
             if hit.instance >= 0:
-                shape = scene.shape[scene.instances.shape[hit.instance]]
+                shape = scene.shape[int_at(scene.instances.shape, hit.instance)]
                 if shape.kind == wp.static(int(ShapeKind.MESH)):
-                    return scene.mesh[shape.mesh].face[hit.primitive]
+                    return face_at(scene.mesh[shape.mesh].corner, hit.primitive)
         return hit.primitive
 
     return primitive_id
@@ -115,8 +117,10 @@ def make_trace(spec: Spec, any_hit: bool):
 
     @wp.func
     def hit_loose(scene: Scene, ray: Ray, count: int, best: Hit) -> Hit:
-        for k in range(count):
-            best = hit_instance(scene, ray, scene.instances.order[k], best)
+        k = int(0)
+        while k < count:
+            best = hit_instance(scene, ray, int_at(scene.instances.order, k), best)
+            k += 1
             if wp.static(any_hit):
                 if best.instance >= 0:
                     return best
@@ -154,14 +158,21 @@ def make_trace(spec: Spec, any_hit: bool):
     Grid = grid_struct(WIDE)
 
     @wp.func
-    def visit_instances(grid: Grid, scene: Scene, ray: Ray, cell: int, t_in: WIDE, t_out: WIDE, best: Hit) -> Hit:
-        for k in range(grid.start[cell], grid.start[cell + 1]):
-            i = grid.item[k]
-            near, far = enter_box(ray.o, ray.inv_d, scene.instances.lower[i], scene.instances.upper[i])
-            entry = wp.max(near, ray.t_start)
+    def visit_instances(
+        grid: Grid, scene: Scene, ray: Ray, at: wp.vec3i, cell: int, t_in: WIDE, t_out: WIDE, best: Hit
+    ) -> Hit:
+        k = int_at(grid.start, cell)
+        end = int_at(grid.start, cell + 1)
+        while k < end:
+            i = int_at(grid.item, k)
+            near, far = enter_box(
+                ray.o, ray.inv_d, vec3d_at(scene.instances.lower, i), vec3d_at(scene.instances.upper, i)
+            )
+            entry = larger(near, ray.t_start)
             # An instance is tested in the one cell where the ray enters its bounds, so once, and front to back.
             if entry <= far and entry >= t_in and entry < t_out and entry <= best.t:
                 best = hit_instance(scene, ray, i, best)
+            k += 1
         return best
 
     walk = make_walk(WIDE, visit_instances)
@@ -175,7 +186,7 @@ def make_trace(spec: Spec, any_hit: bool):
             wall(grid.lo[2], grid.cell[2], grid.count[2]),
         )
         near, far = enter_box(ray.o, ray.inv_d, grid.lo, upper)
-        ray.t_start = wp.max(near, ray.t_min)
+        ray.t_start = larger(near, ray.t_min)
         if ray.t_start <= far and ray.t_start <= best.t:
             best = walk(grid, scene, ray, ray.t_start, best)
         return best
@@ -186,8 +197,8 @@ def make_trace(spec: Spec, any_hit: bool):
         if is_ray(o, d, t_min, t_max):
             ray = start_ray(o, d, t_min, t_max)
             ray.o = o - scene.instances.center
-            ray.inv_d = safe_reciprocal(d)
-            if wp.max(wp.abs(ray.o)) > scene.instances.reach:
+            ray.inv_d = safe_reciprocal(d, largest(d))
+            if largest(ray.o) > scene.instances.reach:
                 return hit_loose(scene, ray, scene.instances.count, best)
             best = hit_loose(scene, ray, scene.instances.loose_count, best)
             best = hit_listed(scene, ray, best)

@@ -4,11 +4,11 @@ from functools import cache
 
 import warp as wp
 
-from .blocks import make_boxes_met
-from .faces import make_face_ray
+from .faces import make_face_ray, make_start_walk
 from .grid import make_walk
 from .instance import make_enter
-from .rounding import OPTIONS
+from .mesh_walk import make_recorded_slot
+from .rounding import OPTIONS, real_above
 from .spec import ShapeKind, Spec
 from .structs import WIDE, face_ray_struct, grid_struct, scene_struct, trail_end_struct, trail_struct
 
@@ -17,23 +17,26 @@ from .structs import WIDE, face_ray_struct, grid_struct, scene_struct, trail_end
 def make_walk_cells(spec: Spec):
     """For each instance on its own: the cells from where the ray enters its bounds up to t_max."""
     real = spec.real
-    Scene, Trail, End = scene_struct(spec), trail_struct(real), trail_end_struct()
+    Scene, Trail, End = scene_struct(spec), trail_struct(), trail_end_struct(real)
     Grid, FaceRay = grid_struct(real), face_ray_struct(real)
-    enter, face_ray, boxes_met = make_enter(spec), make_face_ray(spec), make_boxes_met(real)
+    enter, face_ray, start_walk = make_enter(spec), make_face_ray(spec), make_start_walk(spec)
+    recorded_slot = make_recorded_slot(real)
 
     @wp.func
-    def visit(grid: Grid, trail: Trail, ray: FaceRay, cell: int, t_in: real, t_out: real, end: End) -> End:
+    def visit(
+        grid: Grid, trail: Trail, ray: FaceRay, at: wp.vec3i, cell: int, t_in: real, t_out: real, end: End
+    ) -> End:
         if trail.cell.shape[0] > 0:
-            z = cell % grid.count[2]
-            y = (cell / grid.count[2]) % grid.count[1]
-            x = cell / (grid.count[2] * grid.count[1])
-            trail.cell[end.count] = wp.vec3i(x, y, z)
+            trail.cell[end.count] = at
             trail.t_enter[end.count] = ray.scale * (ray.start + wp.max(WIDE(t_in), WIDE(0.0)))
             trail.t_exit[end.count] = ray.scale * (ray.start + wp.max(WIDE(t_out), WIDE(0.0)))
-            tested = int(0)
-            for group in range(grid.start[cell], grid.start[cell + 1]):
-                tested += 8 * wp.bit_count(boxes_met(trail.box, group, ray.o, ray.inv_d, real(end.t)))
-            trail.candidates[end.count] = tested
+            trail.visited[end.count] = False
+            trail.candidates[end.count] = 0
+            for k in range(end.next, end.last):
+                if trail.looked[k] == cell:
+                    trail.visited[end.count] = True
+                    trail.candidates[end.count] = trail.tested[k]
+                    end.next = k + 1
         end.count += 1
         return end
 
@@ -46,7 +49,8 @@ def make_walk_cells(spec: Spec):
         d: wp.vec3d,
         t_max: WIDE,
         first: wp.array(dtype=wp.int32),  # [instances]  where the cells of an instance go in the trail
-        trail: Trail,
+        first_looked: wp.array(dtype=wp.int32),  # [instances]  where those looked at go
+        trail: Trail,  # while cells are only counted, its arrays are empty
         count: wp.array(dtype=wp.int32),  # [instances]  how many cells it has
     ):
         i = wp.tid()
@@ -56,10 +60,17 @@ def make_walk_cells(spec: Spec):
         if shape.kind == wp.static(int(ShapeKind.MESH)):
             local = enter(scene, i, o, d, WIDE(0.0), t_max)
             if local.is_hit:
-                end.t = t_max / local.scale - local.start
-                mesh = scene.mesh[shape.mesh]
-                trail.box = mesh.box
-                end = walk(mesh.grid, trail, face_ray(local, WIDE(0.0), t_max), real(0.0), end)
+                end.t = real_above(t_max * local.inv_scale - local.start, end.t)
+                grid, ray = scene.mesh[shape.mesh].grid, face_ray(local, WIDE(0.0), t_max)
+                if trail.cell.shape[0] > 0:
+                    end.next = first_looked[i]
+                    looking = start_walk(grid, ray)
+                    looking.looked = end.next
+                    slot = int(0)
+                    while slot >= 0:
+                        slot = recorded_slot(looking, scene.mesh, shape.mesh, ray, end.t, trail.looked, trail.tested)
+                    end.last = looking.looked
+                end = walk(grid, trail, ray, real(0.0), end)
         count[i] = end.count - first[i]
 
     return walk_cells

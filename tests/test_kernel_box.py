@@ -11,7 +11,7 @@ import warp as wp
 from launching import launch, leaf_kernel, rounded, roundoff
 
 from warprt.kernels import box
-from warprt.kernels.rounding import safe_reciprocal
+from warprt.kernels.rounding import largest, safe_reciprocal
 from warprt.kernels.structs import vec3
 
 WAYS = [way for way in product((-1, 0, 1), repeat=3) if any(way)]
@@ -49,7 +49,7 @@ def boxes(real):
         is_hit[k] = any_root
         near[k] = first
         far[k] = last
-        first, last = box.enter_box(o[k], safe_reciprocal(d[k]), lower[k], upper[k])
+        first, last = box.enter_box(o[k], safe_reciprocal(d[k], largest(d[k])), lower[k], upper[k])
         near_bound[k] = first
         far_bound[k] = last
 

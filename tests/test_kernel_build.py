@@ -10,8 +10,11 @@ import pytest
 import warp as wp
 from launching import launch, leaf_kernel, rounded, roundoff, scalar_of
 
+from warprt.grid import gaps
 from warprt.kernels import build
+from warprt.kernels.blocks import BLOCK_SIZE
 from warprt.kernels.structs import grid_struct
+from warprt.kernels.tree import NODE_WORDS, STEPS
 
 
 @cache
@@ -184,13 +187,16 @@ def cells_by_item(start, item, count):
 
 
 def blocks_of(corners, real, device):
-    """(corner, face): a block for each row of up to eight triangles, (n, lanes, 3, 3), the other lanes unused."""
-    rows = np.zeros((len(corners), 9, 8), dtype=scalar_of(real))
+    """A block for each row of up to eight triangles, (n, lanes, 3, 3), the other lanes unused."""
+    rows = np.zeros((len(corners), BLOCK_SIZE // 8, 8), dtype=scalar_of(real))
     lanes = corners.shape[1]
-    rows[:, :, :lanes] = corners.reshape(len(corners), lanes, 9).transpose(0, 2, 1)
+    rows[:, :9, :lanes] = corners.reshape(len(corners), lanes, 9).transpose(0, 2, 1)
     face = np.full((len(corners), 8), -1, dtype=np.int32)
     face[:, :lanes] = np.arange(len(corners) * lanes).reshape(-1, lanes)
-    return wp.array(rows.ravel(), dtype=real, device=device), wp.array(face.ravel(), dtype=wp.int32, device=device)
+    rows[:, 9] = face.view(rows.dtype) if real is wp.float32 else 0
+    if real is wp.float64:
+        rows[:, 9, :4] = face.view(rows.dtype)
+    return wp.array(rows.ravel(), dtype=real, device=device)
 
 
 def list_blocks(corners, count, real, device, lower=None, upper=None):
@@ -200,18 +206,24 @@ def list_blocks(corners, count, real, device, lower=None, upper=None):
     upper = corners.max(axis=(0, 1, 2)) + 2 * pad if upper is None else np.array(upper, dtype=float)
     cells, walls = grid_over(lower, upper, count, real)
     stored = []
+    frame = np.array(cells.lo) - 3 * pad
+    step = (np.array(cells.cell) + 6 * pad) * 1.0001 / STEPS
 
     def outputs(pairs):
-        stored[:] = wp.zeros(pairs, dtype=wp.int32, device=device), wp.zeros(6 * pairs, dtype=real, device=device)
+        stored[:] = (wp.zeros(n * pairs, dtype=wp.int32, device=device) for n in (1, 6))
         return stored
 
-    arguments = [*blocks_of(corners, real, device), wp.float64(pad)]
+    arguments = [blocks_of(corners, real, device), wp.float64(pad), wp.vec3d(*frame), wp.vec3d(*step)]
     start, pair, _ = lists(build.make_list_blocks(real), cells, arguments, len(corners), device, outputs)
-    block, bounds = stored[0].numpy()[pair], stored[1].numpy().reshape(-1, 6)[pair]
+    block, steps = stored[0].numpy()[pair], stored[1].numpy().reshape(-1, 6)[pair]
+    assert steps.min() >= 0
+    assert steps.max() <= STEPS
     found = cells_by_item(start, block, count)
     cell = [
         tuple(int(x) for x in np.unravel_index(c, count)) for c in np.repeat(np.arange(len(start) - 1), np.diff(start))
     ]
+    corner = frame + np.array(cell) * np.array(cells.cell)
+    bounds = np.tile(corner, 2) + steps * np.tile(step, 2)
     return found, walls, Fraction(pad), dict(zip(zip(block.tolist(), cell, strict=True), bounds, strict=True))
 
 
@@ -308,35 +320,83 @@ def test_bounds_of_a_block_hold_what_of_it_lies_in_the_cell(real, device, rng):
         seen += len(inside)
         assert (inside >= box[:3]).all()
         assert (inside <= box[3:]).all()
-        # No larger than the cell, nor than the block.
-        assert (box[:3] >= np.maximum(low, corners[block].min(axis=(0, 1))) - 2 * float(pad)).all()
-        assert (box[3:] <= np.minimum(high, corners[block].max(axis=(0, 1))) + 2 * float(pad)).all()
+        # No larger than the cell, nor than the block, but for the padding and two steps.
+        slack = 2 * float(pad) + 2 * 1.001 * (high - low + 6 * float(pad)) / STEPS
+        assert (box[:3] >= np.maximum(low, corners[block].min(axis=(0, 1))) - slack).all()
+        assert (box[3:] <= np.minimum(high, corners[block].max(axis=(0, 1))) + slack).all()
     assert seen > 10_000
 
 
-def test_groups_hold_the_blocks_of_each_cell_in_order(real, device):
-    counts = np.array([0, 3, 8, 0, 9, 1])
-    start = np.concatenate([[0], np.cumsum(counts)]).astype(np.int32)
-    order = np.random.default_rng(7).permutation(start[-1]).astype(np.int32)
-    listed, bounds = np.arange(start[-1], dtype=np.int32) + 100, np.arange(6 * start[-1]).astype(scalar_of(real))
-    pair_start, pair, listed_blocks = (wp.array(x, dtype=wp.int32, device=device) for x in (start, order, listed))
-    group = wp.full(7, -7, dtype=wp.int32, device=device)
-    wp.launch(build.count_groups, dim=6, inputs=[pair_start, group], device=device)
-    np.testing.assert_array_equal(group.numpy(), [0, *np.ceil(counts / 8)])
-    wp.utils.array_scan(group, group, inclusive=True)
-    item = wp.full(8 * 5, -7, dtype=wp.int32, device=device)
-    box = wp.full(48 * 5, -7.0, dtype=real, device=device)
-    inputs = [pair_start, pair, listed_blocks, wp.array(bounds, dtype=real, device=device), group, item, box]
-    wp.launch(build.make_fill_groups(real), dim=6, inputs=inputs, device=device)
-    box = box.numpy().reshape(5, 6, 8).transpose(0, 2, 1).reshape(40, 6)
-    for c, first in enumerate(group.numpy()[:-1]):
-        mine = order[start[c] : start[c + 1]]
-        slots = slice(8 * first, 8 * first + len(mine))
-        np.testing.assert_array_equal(item.numpy()[slots], listed[mine])
-        np.testing.assert_array_equal(box[slots], bounds.reshape(-1, 6)[mine])
-        unused = slice(8 * first + len(mine), 8 * group.numpy()[c + 1])
-        np.testing.assert_array_equal(item.numpy()[unused], -1)
-        assert (box[unused, :3] > box[unused, 3:]).all()
+def trees(counts, order, bounds, device):
+    """(first node of each cell, nodes) as the host makes them; node (24 words, 8 children) each."""
+    pair_start = np.concatenate([[0], np.cumsum(counts)]).astype(np.int32)
+    inputs = [wp.array(x.astype(np.int32).ravel(), dtype=wp.int32, device=device) for x in (pair_start, order, bounds)]
+    listed = wp.array(np.arange(pair_start[-1], dtype=np.int32) + 100, dtype=wp.int32, device=device)
+    start = wp.full(len(counts) + 1, -7, dtype=wp.int32, device=device)
+    levels = wp.zeros(1, dtype=wp.int32, device=device)
+    wp.launch(build.count_nodes, dim=len(counts), inputs=[inputs[0], start, levels], device=device)
+    wp.utils.array_scan(start, start, inclusive=True)
+    total = int(start.numpy()[-1])
+    node = wp.full(NODE_WORDS * total, -7, dtype=wp.int32, device=device)
+    for level in range(1, int(levels.numpy()[0]) + 1):
+        arguments = [level, inputs[0], inputs[1], listed, inputs[2], start, node]
+        wp.launch(build.fill_nodes, dim=total, inputs=arguments, device=device)
+    return start.numpy(), node.numpy().reshape(total, NODE_WORDS)
+
+
+def leaves(node, k):
+    """[(block, bounds)] below a node, in order; checks that bounds of nodes are those of what is below them."""
+    bounds = node[k, :24].view(np.uint16).reshape(6, 8).astype(int)
+    found = []
+    for lane, child in enumerate(node[k, 24:]):
+        if child == -1:
+            assert lane > 0, "a node has a first child"
+            assert (node[k, 24 + lane :] == -1).all(), "children come first"
+            assert (bounds[:3, lane] > bounds[3:, lane]).all()
+        elif child >= 0:
+            found.append((int(child), bounds[:, lane]))
+        else:
+            below = leaves(node, -2 - child)
+            inside = np.array([b for _, b in below])
+            np.testing.assert_array_equal(bounds[:, lane], [*inside[:, :3].min(axis=0), *inside[:, 3:].max(axis=0)])
+            found += below
+    return found
+
+
+def test_trees_hold_the_blocks_of_each_cell_in_order(device, rng):
+    counts = np.array([0, 3, 8, 0, 9, 1, 64, 65, 513, 0])
+    total = counts.sum()
+    order = rng.permutation(total)
+    low = rng.integers(0, STEPS, (total, 3))
+    bounds = np.concatenate([low, rng.integers(low, STEPS + 1)], axis=1)
+    start, node = trees(counts, order, bounds, device)
+    nodes = [0, 1, 1, 0, 3, 1, 9, 9 + 2 + 1, 65 + 9 + 2 + 1, 0]
+    np.testing.assert_array_equal(np.diff(start), nodes)
+    first = np.concatenate([[0], np.cumsum(counts)])
+    for c, count in enumerate(counts):
+        if count:
+            found = leaves(node, start[c])
+            mine = order[first[c] : first[c] + count]
+            assert [block for block, _ in found] == (mine + 100).tolist()
+            np.testing.assert_array_equal([b for _, b in found], bounds[mine])
+
+
+@pytest.mark.parametrize("count", [(1, 1, 1), (9, 1, 1), (4, 5, 6), (12, 11, 10)], ids=str)
+def test_gap_is_the_chebyshev_distance_to_the_next_cell_that_lists_anything(count, device, rng):
+    is_full = rng.random(count) < 0.02
+    is_full.flat[0] = True
+    start = np.concatenate([[0], np.cumsum(is_full.ravel())]).astype(np.int32)
+    found = gaps(wp.array(start, dtype=wp.int32, device=device), count).numpy().reshape(count)
+    full = np.argwhere(is_full)
+    cells = np.argwhere(np.ones(count, dtype=bool))
+    expected = abs(cells[:, None] - full).max(axis=2).min(axis=1).reshape(count)
+    np.testing.assert_array_equal(found, expected)
+
+
+def test_gap_ends_at_what_a_byte_holds(device):
+    start = wp.array(np.array([0] + [1] * 700, dtype=np.int32), dtype=wp.int32, device=device)
+    found = gaps(start, (1, 1, 700)).numpy()
+    np.testing.assert_array_equal(found, np.minimum(np.arange(700), 255))
 
 
 # ------------------------------------------------------------------------------------------ boxes

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from launching import launch, leaf_kernel, rounded, roundoff, scalar_of
 
 from warprt.kernels import grid
-from warprt.kernels.rounding import safe_reciprocal
+from warprt.kernels.rounding import largest, safe_reciprocal
 from warprt.kernels.structs import grid_struct, make_struct, vec3
 
 
@@ -30,7 +30,7 @@ def structs(real):
             "t_out": wp.array(dtype=real),
         },
     )
-    return ray, trail, make_struct("Best", {"t": wp.float64, "row": wp.int32, "count": wp.int32})
+    return ray, trail, make_struct("Best", {"t": real, "row": wp.int32, "count": wp.int32})
 
 
 @cache
@@ -41,14 +41,14 @@ def walks(real):
     Ray, Trail, Best = structs(real)
 
     @wp.func
-    def visit(grid: Grid, trail: Trail, ray: Ray, cell: int, t_in: real, t_out: real, best: Best) -> Best:
+    def visit(grid: Grid, trail: Trail, ray: Ray, at: wp.vec3i, cell: int, t_in: real, t_out: real, best: Best) -> Best:
         if best.count < trail.room:
             k = best.row * trail.room + best.count
             trail.cell[k] = cell
             trail.t_in[k] = t_in
             trail.t_out[k] = t_out
         else:
-            best.t = wp.float64(-wp.inf)  # ends a walk that would go on for ever
+            best.t = real(-wp.inf)  # ends a walk that would go on for ever
         best.count += 1
         return best
 
@@ -61,14 +61,14 @@ def walks(real):
         o: wp.array(dtype=vec),
         d: wp.array(dtype=vec),
         t_start: wp.array(dtype=real),
-        t_best: wp.array(dtype=wp.float64),
+        t_best: wp.array(dtype=real),
         count: wp.array(dtype=wp.int32),
     ):
         k = wp.tid()
         ray = Ray()
         ray.o = o[k]
         ray.d = d[k]
-        ray.inv_d = safe_reciprocal(d[k])
+        ray.inv_d = safe_reciprocal(d[k], largest(d[k]))
         best = Best()
         best.t = t_best[k]
         best.row = k

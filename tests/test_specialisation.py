@@ -8,7 +8,7 @@ import pytest
 import warp as wp
 
 import warprt as rt
-from warprt.kernels.cast import make_cast, make_occluded, make_spawn
+from warprt.kernels.cast import make_cast, make_cast_packets, make_occluded, make_occluded_packets, make_spawn
 from warprt.kernels.render import make_render
 from warprt.kernels.spec import Look, ShapeKind, Spec
 from warprt.kernels.walk import make_walk_cells
@@ -81,12 +81,16 @@ def test_second_scene_of_a_kind_compiles_nothing(device):
 
 
 ALL = Spec(wp.float32, frozenset(ShapeKind))
+MESHES = [Spec(real, frozenset([ShapeKind.MESH]), instance_grid=False) for real in (wp.float32, wp.float64)]
 KERNELS = {
     "cast": lambda: make_cast(ALL, True),
     "occluded": lambda: make_occluded(ALL),
     "spawn": lambda: make_spawn(ALL),
     "walk": lambda: make_walk_cells(ALL),
     "render": lambda: make_render(Look(ALL, True, True, True, True)),
+    "packets": lambda: make_cast_packets(MESHES[0]),
+    "occluded packets": lambda: make_occluded_packets(MESHES[0]),
+    "double packets": lambda: make_cast_packets(MESHES[1]),
     "double": lambda: make_cast(Spec(wp.float64, frozenset(ShapeKind)), True),
 }
 

@@ -1,18 +1,20 @@
 """Uniform grids on the host side: how many cells, and the building of their lists on the device."""
 
 import math
-import os
 from dataclasses import dataclass
 
 import numpy as np
 import warp as wp
 
 from warprt.kernels import build
+from warprt.kernels.blocks import BLOCK_SIZE, LANES
 from warprt.kernels.structs import grid_struct
+from warprt.kernels.tree import MOST_LEVELS, NODE_WORDS, STEPS
 
 from .launch import load
+from .memory import empty, require
 
-FACES_PER_CELL = 32.0
+FACES_PER_CELL = 64.0
 """Chosen by measurement, see benchmarks/results; rates change little between 16 and 64."""
 MAX_CELLS = 2**31 - 2
 """Cells are numbered by int32."""
@@ -36,25 +38,6 @@ def resolution(extent: np.ndarray, cells: float) -> tuple[int, int, int]:
         active &= ~is_thin
     nx, ny, nz = (int(n) for n in count)
     return nx, ny, nz
-
-
-def available_bytes(device: wp.Device) -> int:
-    """Memory that an allocation can hope for."""
-    if device.is_cuda:
-        return device.free_memory
-    try:
-        return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
-    except (AttributeError, ValueError, OSError):
-        return 1 << 62
-
-
-def require_memory(needed: int, what: str, device: wp.Device) -> None:
-    """MemoryError, before anything is allocated, when it cannot be had."""
-    free = available_bytes(device)
-    if needed > 0.8 * free:
-        raise MemoryError(
-            f"{what} needs {needed / 2**30:.3g} GiB on {device.alias}, which has {free / 2**30:.3g}; choose fewer cells"
-        )
 
 
 @dataclass
@@ -105,27 +88,26 @@ def list_pairs(grid, count: tuple[int, int, int], kernel: wp.Kernel, items: int,
 
     `outputs(total)` allocates what the kernel stores besides cells and numbers.
     """
-    device = inputs[0].device
-    cells = math.prod(count)
+    device, cells = inputs[0].device, math.prod(count)
     name = "a grid of {} x {} x {} cells".format(*count)
     if cells > MAX_CELLS:
         raise MemoryError(f"{name} has more than {MAX_CELLS} of them; choose fewer")
-    require_memory(8 * cells, name, device)
+    require(8 * cells, name, device)
     wide = widened(grid)
     load(kernel, device)
-    end = wp.empty(items, dtype=wp.int64, device=device)
+    end = empty(items, wp.int64, device)
     nothing = [None] * (2 + len(outputs(0)))
     wp.launch(kernel, dim=items, inputs=[wide, *inputs, False, end, *nothing], device=device)
     wp.utils.array_scan(end, end, inclusive=True)
     total = int(end[items - 1 :].numpy()[0])
     if total > MAX_CELLS:
         raise MemoryError(f"{name} would list {total} items, more than {MAX_CELLS}; choose fewer cells")
-    require_memory(8 * cells + 80 * total, f"{name} with {total} listed items", device)
+    require(8 * cells + 80 * total, f"{name} with {total} listed items", device)
     # The radix sort wants twice the room.
-    cell, number = (wp.empty(2 * total, dtype=wp.int32, device=device) for _ in range(2))
+    cell, number = (empty(2 * total, wp.int32, device) for _ in range(2))
     wp.launch(kernel, dim=items, inputs=[wide, *inputs, True, end, cell, number, *outputs(total)], device=device)
     wp.utils.radix_sort_pairs(cell, number, total, begin_bit=0, end_bit=max(1, cells.bit_length()))
-    start = wp.empty(cells + 1, dtype=wp.int32, device=device)
+    start = empty(cells + 1, wp.int32, device)
     load(build.find_starts, device)
     wp.launch(build.find_starts, dim=cells + 1, inputs=[cell, total, start], device=device)
     return Pairs(total, start, number)
@@ -141,59 +123,83 @@ def build_box_grid(
     return CellLists(grid, count, (grid.start, grid.item))
 
 
-@dataclass
-class Blocks:
-    """Faces in blocks of eight neighbours, see kernels/blocks.py."""
-
-    corner: wp.array
-    face: wp.array
-
-    @property
-    def count(self) -> int:
-        """Number of blocks."""
-        return self.face.size // 8
-
-
-def build_blocks(points: wp.array, real: type) -> Blocks:
-    """Sorts faces, [9 F] canonical corners, along the Morton curve and cuts them into blocks."""
+def build_blocks(points: wp.array, real: type) -> wp.array:
+    """Sorts faces, [9 F] canonical corners, along a space-filling curve and cuts them into blocks, see kernels/blocks.py."""
     device, faces = points.device, points.size // 9
-    key, sorted_face = (wp.empty(2 * faces, dtype=wp.int32, device=device) for _ in range(2))
+    key, sorted_face = (empty(2 * faces, wp.int32, device) for _ in range(2))
     sort_keys, fill_blocks = build.make_sort_keys(real), build.make_fill_blocks(real)
     load(sort_keys, device)
     wp.launch(sort_keys, dim=faces, inputs=[points, key, sorted_face], device=device)
     wp.utils.radix_sort_pairs(key, sorted_face, faces, begin_bit=0, end_bit=30)
-    slots = 8 * ((faces + 7) // 8)
-    blocks = Blocks(wp.empty(9 * slots, dtype=real, device=device), wp.empty(slots, dtype=wp.int32, device=device))
+    blocks = -(-faces // LANES)
+    corner = empty(BLOCK_SIZE * blocks, real, device)
     load(fill_blocks, device)
-    inputs = [points, sorted_face, faces, blocks.corner, blocks.face]
-    wp.launch(fill_blocks, dim=slots, inputs=inputs, device=device)
-    return blocks
+    wp.launch(fill_blocks, dim=LANES * blocks, inputs=[points, sorted_face, faces, corner], device=device)
+    return corner
 
 
-def build_block_grid(
-    blocks: Blocks, lower: np.ndarray, upper: np.ndarray, count: tuple[int, int, int], pad: float, real: type
-) -> tuple[CellLists, wp.array]:
-    """A grid whose cells list blocks in groups of eight, and the bounds of the blocks in each cell."""
-    device, cells = blocks.corner.device, math.prod(count)
+@dataclass
+class BlockTrees:
+    """A grid on a device whose cells list blocks, each under a tree of boxes, see kernels/tree.py."""
+
+    lists: CellLists
+    node: wp.array
+    gap: wp.array
+    frame_lo: np.ndarray
+    frame_step: np.ndarray
+
+    @property
+    def bytes(self) -> int:
+        """Device memory in use."""
+        return self.lists.bytes + 4 * self.node.size + self.gap.size
+
+
+def gaps(start: wp.array, count: tuple[int, int, int]) -> wp.array:
+    """How many cells it is from each cell to the next that lists anything, in the largest of three directions."""
+    device, cells = start.device, math.prod(count)
+    gap, wider = empty(cells, wp.uint8, device), empty(cells, wp.uint8, device)
+    for kernel in (build.start_gaps, build.spread_gaps):
+        load(kernel, device)
+    wp.launch(build.start_gaps, dim=cells, inputs=[start, gap], device=device)
+    for stride, along in ((1, count[2]), (count[2], count[1]), (count[2] * count[1], count[0])):
+        wp.launch(build.spread_gaps, dim=cells, inputs=[stride, along, gap, wider], device=device)
+        gap, wider = wider, gap
+    return gap
+
+
+def build_block_trees(
+    corner: wp.array, lower: np.ndarray, upper: np.ndarray, count: tuple[int, int, int], pad: float, real: type
+) -> BlockTrees:
+    """Lists blocks in the cells of a grid."""
+    device, cells, dtype = corner.device, math.prod(count), wp.dtype_to_numpy(real)
     grid = make_grid(lower, upper, count, real)
-    kernel = build.make_list_blocks(real)
+    # A frame is a cell, with its padding and a little more.
+    frame_lo = (np.array(grid.lo) - 3 * pad).astype(dtype)
+    frame_step = ((np.array(grid.cell) + 6 * pad) * (1.0001 / STEPS)).astype(dtype)
     stored: list[wp.array] = []
 
     def outputs(total: int) -> list[wp.array]:
-        stored[:] = wp.empty(total, dtype=wp.int32, device=device), wp.empty(6 * total, dtype=real, device=device)
+        stored[:] = (empty(n * total, wp.int32, device) for n in (1, 6))
         return stored
 
-    inputs = [blocks.corner, blocks.face, wp.float64(pad)]
-    pairs = list_pairs(grid, count, kernel, blocks.count, inputs, outputs)
-    start = wp.empty(cells + 1, dtype=wp.int32, device=device)
-    load(build.count_groups, device)
-    wp.launch(build.count_groups, dim=cells, inputs=[pairs.start, start], device=device)
+    inputs = [corner, wp.float64(pad), *(wp.vec3d(*v.astype(np.float64)) for v in (frame_lo, frame_step))]
+    pairs = list_pairs(grid, count, build.make_list_blocks(real), corner.size // BLOCK_SIZE, inputs, outputs)
+    start = empty(cells + 1, wp.int32, device)
+    most_levels = wp.zeros(1, dtype=wp.int32, device=device)
+    load(build.count_nodes, device)
+    wp.launch(build.count_nodes, dim=cells, inputs=[pairs.start, start, most_levels], device=device)
     wp.utils.array_scan(start, start, inclusive=True)
-    groups = int(start[cells:].numpy()[0])
-    item = wp.empty(8 * groups, dtype=wp.int32, device=device)
-    box = wp.empty(48 * groups, dtype=real, device=device)
-    fill = build.make_fill_groups(real)
-    load(fill, device)
-    wp.launch(fill, dim=cells, inputs=[pairs.start, pairs.number, *stored, start, item, box], device=device)
-    grid.start, grid.item = start, item
-    return CellLists(grid, count, (start, item, box)), box
+    nodes = int(start[cells:].numpy()[0])
+    node = empty(NODE_WORDS * nodes, wp.int32, device)
+    load(build.fill_nodes, device)
+    levels = int(most_levels.numpy()[0])
+    if levels > MOST_LEVELS:
+        raise MemoryError(
+            "a cell of a grid of {} x {} x {} cells lists too many faces; choose more cells".format(*count)
+        )
+    for level in range(1, levels + 1):
+        # Each level is made from the one below.
+        inputs = [level, pairs.start, pairs.number, *stored, start, node]
+        wp.launch(build.fill_nodes, dim=nodes, inputs=inputs, device=device)
+    grid.start = start
+    return BlockTrees(CellLists(grid, count, (start,)), node, gaps(start, count), frame_lo, frame_step)

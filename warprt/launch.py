@@ -11,6 +11,8 @@ from functools import cache
 
 import warp as wp
 
+from warprt.kernels.packet import PACKET
+
 from . import checks
 
 on_compile: Callable[[], None] | None = None
@@ -68,13 +70,38 @@ def launch(kernel: wp.Kernel, count: int, inputs: list, device: wp.Device, threa
     if device.is_cuda:
         wp.launch(kernel, dim=count, inputs=[*inputs, first], device=device)
         return
-    band = count if threads == 1 else max(BAND, -(-count // (BANDS_PER_THREAD * threads)))
+    band = _band(count, threads)
     starts = range(first, first + count, band)
+    _run_bands(kernel, [(min(band, first + count - start), [*inputs, start]) for start in starts], device, threads)
+
+
+def launch_packets(kernel: wp.Kernel, count: int, inputs: list, device: wp.Device, threads: int) -> None:
+    """Runs a kernel for rays 0 .. count - 1, as many to a thread as a packet holds on the device.
+
+    The kernel's last arguments are that width, the end of its range of rays, and the first of them.
+    """
+    if count == 0:
+        return
+    load(kernel, device)
+    if device.is_cuda:
+        wp.launch(kernel, dim=count, inputs=[*inputs, 1, count, 0], device=device)
+        return
+    packets = -(-count // PACKET)
+    band = _band(count, threads) // PACKET + 1
+    starts = range(0, packets, band)
+    launches = [(min(band, packets - k), [*inputs, PACKET, count, PACKET * k]) for k in starts]
+    _run_bands(kernel, launches, device, threads)
+
+
+def _band(count: int, threads: int) -> int:
+    """Rays of one launch on a CPU."""
+    return count if threads == 1 else max(BAND, -(-count // (BANDS_PER_THREAD * threads)))
+
+
+def _run_bands(kernel: wp.Kernel, launches: list[tuple[int, list]], device: wp.Device, threads: int) -> None:
+    """Launches of (dim, inputs), shared by threads."""
     # Recorded here, on one thread: packing arguments and loading modules is not safe on several.
-    bands = [
-        wp.launch(kernel, dim=min(band, first + count - start), inputs=[*inputs, start], device=device, record_cmd=True)
-        for start in starts
-    ]
+    bands = [wp.launch(kernel, dim=dim, inputs=inputs, device=device, record_cmd=True) for dim, inputs in launches]
     if threads == 1 or len(bands) == 1:
         for band in bands:
             band.launch()

@@ -6,11 +6,12 @@ from pathlib import Path
 import numpy as np
 import warp as wp
 
+from warprt.kernels.blocks import BLOCK_SIZE
 from warprt.kernels.spec import ShapeKind
 from warprt.kernels.structs import mesh_struct
 
 from . import checks
-from .grid import FACES_PER_CELL, CellLists, build_block_grid, build_blocks, resolution
+from .grid import FACES_PER_CELL, BlockTrees, CellLists, build_block_trees, build_blocks, resolution
 from .shapes import Canonical, power_of_two_above
 from .typing import ArrayLike
 
@@ -130,8 +131,8 @@ class DeviceMesh:
         corners = mesh.corners()
         self._real = real
         points = wp.array(corners.astype(wp.dtype_to_numpy(real)).ravel(), dtype=real, device=device)
-        self.blocks = build_blocks(points, real)
-        self.lists: CellLists | None = None
+        self._corner = build_blocks(points, real)
+        self._trees: BlockTrees | None = None
         if has_grid:
             canonical = mesh.canonical()
             pad = PAD_ROUNDINGS * float(np.finfo(wp.dtype_to_numpy(real)).eps) / 2
@@ -139,21 +140,27 @@ class DeviceMesh:
             count = mesh.grid or (1, 1, 1)
             if count == "auto":
                 count = _auto_resolution(corners, upper - lower)
-            self.lists, self._box = build_block_grid(self.blocks, lower, upper, count, pad, real)
+            self._trees = build_block_trees(self._corner, lower, upper, count, pad, real)
+
+    @property
+    def lists(self) -> CellLists | None:
+        """The grid, where there is one."""
+        return self._trees and self._trees.lists
 
     def struct(self):
         """The mesh as kernels take it."""
-        mesh = mesh_struct(self._real, self.lists is not None)()
-        mesh.block_count, mesh.corner, mesh.face = self.blocks.count, self.blocks.corner, self.blocks.face
-        if self.lists is not None:
-            mesh.grid, mesh.box = self.lists.struct, self._box
+        mesh = mesh_struct(self._real, self._trees is not None)()
+        mesh.block_count, mesh.corner = self._corner.size // BLOCK_SIZE, self._corner
+        if self._trees is not None:
+            mesh.grid, mesh.node, mesh.gap = self._trees.lists.struct, self._trees.node, self._trees.gap
+            mesh.frame_lo, mesh.frame_step = self._trees.frame_lo, self._trees.frame_step
         return mesh
 
     @property
     def bytes(self) -> int:
         """Device memory in use."""
-        corners = self.blocks.corner.size * wp.types.type_size_in_bytes(self._real)
-        return corners + 4 * self.blocks.face.size + (self.lists.bytes if self.lists else 0)
+        corners = self._corner.size * wp.types.type_size_in_bytes(self._real)
+        return corners + (self._trees.bytes if self._trees else 0)
 
 
 def _rows(value: ArrayLike, width: int, name: str, count: int | None = None) -> np.ndarray:

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable
 import numpy as np
 import warp as wp
 
-from warprt.kernels.cast import make_cast, make_occluded, make_spawn
+from warprt.kernels.cast import make_cast, make_cast_packets, make_occluded, make_occluded_packets, make_spawn
 from warprt.kernels.render import make_render
 from warprt.kernels.structs import hit_arrays_struct, instances_struct
 
@@ -15,7 +15,7 @@ from .assemble import assemble, assemble_look
 from .camera import Camera
 from .hits import BRIEF, Hits, field_names, field_types, numpy_field
 from .image import Image, output_names
-from .launch import default_threads, launch, load
+from .launch import default_threads, launch, launch_packets, load
 from .rays import Rays, as_rays
 from .scene import Scene
 from .typing import Array, ArrayLike
@@ -105,8 +105,11 @@ class Tracer:
         for name in names:
             fields[name] = wp.empty(rays.count, dtype=field_types(self._real)[name], device=self.device)
             setattr(arrays, name, fields[name])
-        kernel = make_cast(self._device_scene.spec, not set(names) <= set(BRIEF))
-        self._launch(kernel, rays, [arrays])
+        spec, is_full = self._device_scene.spec, not set(names) <= set(BRIEF)
+        if spec.in_packets and not is_full:
+            self._launch_packets(make_cast_packets(spec), rays, [arrays])
+        else:
+            self._launch(make_cast(spec, is_full), rays, [arrays])
         return Hits({name: self._result(array, rays) for name, array in fields.items()}, rays, self)
 
     def occluded(
@@ -119,7 +122,11 @@ class Tracer:
         """(...) bool: whether each ray meets anything with t_min <= t < t_max. Arguments as for `cast`."""
         rays = as_rays(origins, directions, t_min, t_max, self.device)
         is_occluded = wp.empty(rays.count, dtype=wp.bool, device=self.device)
-        self._launch(make_occluded(self._device_scene.spec), rays, [is_occluded])
+        spec = self._device_scene.spec
+        if spec.in_packets:
+            self._launch_packets(make_occluded_packets(spec), rays, [is_occluded])
+        else:
+            self._launch(make_occluded(spec), rays, [is_occluded])
         return self._result(is_occluded, rays)
 
     def walk(self, origin: ArrayLike, direction: ArrayLike) -> CellWalk:
@@ -213,6 +220,10 @@ class Tracer:
     def _launch(self, kernel: wp.Kernel, rays: Rays, arguments: list) -> None:
         inputs = [self._device_scene.struct, rays.struct, *arguments]
         launch(kernel, rays.count, inputs, self.device, self.threads)
+
+    def _launch_packets(self, kernel: wp.Kernel, rays: Rays, arguments: list) -> None:
+        inputs = [self._device_scene.struct, rays.struct, *arguments]
+        launch_packets(kernel, rays.count, inputs, self.device, self.threads)
 
     def _result(self, array: wp.array, rays: Rays) -> Array:
         return array.reshape(rays.shape) if rays.is_device_array else numpy_field(array, rays.shape)

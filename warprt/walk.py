@@ -9,6 +9,8 @@ import warp as wp
 from warprt.kernels.structs import trail_struct
 from warprt.kernels.walk import make_walk_cells
 
+from .launch import load
+
 if TYPE_CHECKING:
     from .tracer import Tracer
 
@@ -26,7 +28,7 @@ class CellWalk:
     t_exit: np.ndarray
     """(n,) float64: ray parameter."""
     candidates: np.ndarray
-    """(n,) int32: how many triangles are tested there, eight for each block whose box the ray meets."""
+    """(n,) int32: how many triangles are tested there, eight for each block whose box the ray meets before its hit."""
     visited: np.ndarray
     """(n,) bool: whether the traversal looks at the cell, or jumps over it."""
     corners: np.ndarray
@@ -44,26 +46,30 @@ def walk_cells(tracer: "Tracer", origin: np.ndarray, direction: np.ndarray) -> C
         return _empty()
     # A little beyond the hit, whose parameter has been rounded.
     t_max = float(tracer.cast(origin, direction, outputs="t").t) * (1 + 2.0**-22)
-    kernel, trail = make_walk_cells(scene.spec), trail_struct(scene.spec.real)()
+    kernel, trail = make_walk_cells(scene.spec), trail_struct()()
     first = wp.zeros(count, dtype=wp.int32, device=device)
     counts = wp.empty(count, dtype=wp.int32, device=device)
+    most_looked = scene.steps_across()
+    first_looked = wp.array((np.cumsum(most_looked) - most_looked).astype(np.int32), dtype=wp.int32, device=device)
     ray = [scene.struct, wp.vec3d(*origin), wp.vec3d(*direction), wp.float64(t_max)]
-    wp.launch(kernel, dim=count, inputs=[*ray, first, trail, counts], device=device)
+    load(kernel, device)
+    wp.launch(kernel, dim=count, inputs=[*ray, first, first_looked, trail, counts], device=device)
     lengths = counts.numpy().copy()
     total = int(lengths.sum())
     if total == 0:
         return _empty()
     first.assign((np.cumsum(lengths) - lengths).astype(np.int32))
-    types = {"cell": wp.vec3i, "t_enter": wp.float64, "t_exit": wp.float64, "candidates": wp.int32}
+    types = {"cell": wp.vec3i, "t_enter": wp.float64, "t_exit": wp.float64, "candidates": wp.int32, "visited": wp.bool}
     for name, dtype in types.items():
         setattr(trail, name, wp.empty(total, dtype=dtype, device=device))
-    wp.launch(kernel, dim=count, inputs=[*ray, first, trail, counts], device=device)
+    trail.looked, trail.tested = (wp.empty(int(most_looked.sum()), dtype=wp.int32, device=device) for _ in range(2))
+    wp.launch(kernel, dim=count, inputs=[*ray, first, first_looked, trail, counts], device=device)
     found = {name: getattr(trail, name).numpy() for name in types}
     found["instance_id"] = np.repeat(np.arange(count, dtype=np.int32), lengths)
     order = np.argsort(found["t_enter"], kind="stable")
     found = {name: values[order] for name, values in found.items()}
     corners = _corners(scene, found["instance_id"], found["cell"])
-    return CellWalk(**found, visited=np.ones(total, dtype=bool), corners=corners)
+    return CellWalk(**found, corners=corners)
 
 
 def _empty() -> CellWalk:

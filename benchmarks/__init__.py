@@ -1,0 +1,1 @@
+"""Measurements against peers, run by `warprt bench`. Every figure is a ratio within one process."""

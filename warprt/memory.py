@@ -1,0 +1,39 @@
+"""Device memory for what rays read at random."""
+
+import os
+
+import numpy as np
+import warp as wp
+
+LINE = 64
+"""Bytes of a cache line, to which arrays are aligned on a CPU."""
+
+
+def empty(size: int, dtype: type, device: wp.Device) -> wp.array:
+    """An array of scalars, not cleared. On a CPU it comes from NumPy, which asks for huge pages: far fewer TLB misses."""
+    if device.is_cuda:
+        return wp.empty(size, dtype=dtype, device=device)
+    scalar = np.dtype(wp.dtype_to_numpy(dtype))
+    room = np.empty(size * scalar.itemsize + LINE, np.uint8)
+    first = -room.ctypes.data % LINE
+    data = room[first : first + size * scalar.itemsize].view(scalar)
+    return wp.array(data, dtype=dtype, device=device, copy=False)
+
+
+def available_bytes(device: wp.Device) -> int:
+    """Memory that an allocation can hope for."""
+    if device.is_cuda:
+        return device.free_memory
+    try:
+        return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+    except (AttributeError, ValueError, OSError):
+        return 1 << 62
+
+
+def require(needed: int, what: str, device: wp.Device) -> None:
+    """MemoryError, before anything is allocated, when it cannot be had."""
+    free = available_bytes(device)
+    if needed > 0.8 * free:
+        raise MemoryError(
+            f"{what} needs {needed / 2**30:.3g} GiB on {device.alias}, which has {free / 2**30:.3g}; choose fewer cells"
+        )
