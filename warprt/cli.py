@@ -1,4 +1,4 @@
-"""The command line: warprt render, warprt info."""
+"""The command line: warprt render, warprt bench, warprt info."""
 
 import argparse
 import os
@@ -76,9 +76,25 @@ def _parser() -> _Parser:
     render.add_argument("--outputs", default="color", metavar="NAMES", help=f"of {','.join(OUTPUTS)}")
     render.add_argument("--no-clobber", action="store_true", help="refuse to replace a file")
     render.set_defaults(run=_render)
+    bench = commands.add_parser("bench", help="measure against wp.Mesh and Embree")
+    bench.add_argument("--quick", action="store_true", help="fewer and smaller meshes: under a minute")
+    bench.add_argument("--mesh", nargs="+", default=[], metavar="FILE", help="measure these instead of made-up meshes")
+    bench.add_argument("--subdivide", type=int, default=0, metavar="N", help="also the first file, each face cut into 4^N")
+    bench.add_argument("--field", metavar="FILE", help="also this mesh, small in the middle of a wide field")
+    bench.add_argument("--threads", type=int, metavar="N", help="of all that can use several; default: all cores")
+    bench.add_argument("-o", "--output", type=Path, metavar="JSON", help="write the figures, machine and versions")
+    bench.add_argument("--plot", type=Path, metavar="PNG", help="draw the ratios")
+    bench.set_defaults(run=_bench)
     info = commands.add_parser("info", help="versions, devices, ready scenes")
     info.set_defaults(run=_info)
     return parser
+
+
+def _bench(options: argparse.Namespace) -> None:
+    # Only here: it brings in peers, which are large.
+    from warprt.benchmarks.command import run
+
+    run(options)
 
 
 def _size(text: str) -> tuple[int, int]:

@@ -1,6 +1,7 @@
 """Rays as a user gives them, brought to a device without changing a bit of them."""
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 import warp as wp
@@ -107,6 +108,12 @@ def _to_device(array: np.ndarray, shape: tuple, dtype, device: wp.Device) -> wp.
     return wp.array(array, dtype=wp.vec3d if dtype == np.float64 else wp.vec3f, device=device)
 
 
+@lru_cache(maxsize=64)
+def _common_limit(value: float, device: str) -> wp.array:
+    """One number on a device, for all rays. It is never written to, so casts may share it."""
+    return wp.array([value], dtype=wp.float64, device=device)
+
+
 def _limits(value: float | Array, name: str, shape: tuple, device: wp.Device) -> tuple[wp.array, int]:
     """(float64 limits, step from one ray to the next: 0 where all share one)."""
     if isinstance(value, wp.array):
@@ -119,7 +126,7 @@ def _limits(value: float | Array, name: str, shape: tuple, device: wp.Device) ->
         return wide, 1
     array = _numbers(value, name).astype(np.float64)
     if array.ndim == 0:
-        return wp.array(array.reshape(1), dtype=wp.float64, device=device), 0
+        return _common_limit(float(array), device.alias), 0
     try:
         array = np.ascontiguousarray(np.broadcast_to(array, shape)).ravel()
     except ValueError:
