@@ -43,14 +43,14 @@ def run(options) -> None:
         if path:
             require_writable(path)
     threads = options.threads or default_threads()
-    size, rounds = (192, 7) if options.quick else (512, 9)
+    size, rounds = options.size or (192 if options.quick else 512), 7 if options.quick else 9
     makers = chosen(options.mesh, options.subdivide, options.field, options.quick)
     accuracies = ["robust"] if options.quick else ["robust", "double"]
     results = {}
     for name in tqdm(makers, disable=None, leave=False, desc="bench"):
         results[name] = rates.measure(makers[name](), size, rounds, threads, accuracies)
     about = {**machine.about("cpu"), "threads": threads, "rounds": rounds}
-    print(f"{about['device']}, {threads} thread(s); ratios are medians of {rounds} alternating rounds, above 1: ours is faster")
+    print(f"{about['device']}, {threads} thread(s); ratios: medians of {rounds} rounds, above 1 ours is faster")
     print(report.table(results))
     if options.output:
         report.save(options.output, about, results)

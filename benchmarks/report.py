@@ -8,7 +8,8 @@ from warprt.files import write_whole
 
 def table(results: dict) -> str:
     """A line for each mesh and kind of rays: our rate, and the ratio to each peer."""
-    peers = list(dict.fromkeys(name for mesh in results.values() for kind in mesh["rays"].values() for name in kind["ratio"]))
+    kinds = [kind for mesh in results.values() for kind in mesh["rays"].values()]
+    peers = list(dict.fromkeys(name for kind in kinds for name in kind["ratio"]))
     lines = [f"{'mesh':<22} {'rays':<8} {'Mrays/s':>8}  " + "  ".join(f"/ {name}" for name in peers) + "  same faces"]
     for name, mesh in results.items():
         for kind, rays in mesh["rays"].items():
@@ -16,7 +17,8 @@ def table(results: dict) -> str:
             rate, same = next(iter(rays["mrays_per_s"].values())), min(a["same"] for a in rays["agreement"].values())
             lines.append(f"{name:<22} {kind:<8} {rate:>8.2f}  {ratios}  {same:.5f}")
         build = "  ".join(f"{peer} {ms:.1f}" for peer, ms in mesh["build_ms"].items())
-        lines.append(f"{name:<22} build ms: {build}; {next(iter(mesh['bytes_per_triangle'].values())):.0f} bytes/triangle")
+        size = next(iter(mesh["bytes_per_triangle"].values()))
+        lines.append(f"{name:<22} build ms: {build}; {size:.0f} bytes/triangle")
     return "\n".join(lines)
 
 

@@ -1,13 +1,15 @@
 """Eight triangles against one ray, at once.
 
-A block is eight triangles stored by component: row 3 j + k holds coordinate k of vertex j, a lane for each triangle; in a
-tenth row lie the numbers of the user's faces, -1 in unused lanes. On a CPU the lanes are one vector register; on a GPU
-they are a loop. Both round the same operations, so they answer the same.
+A block is eight triangles stored by component: row 3 j + k holds coordinate k of vertex j, a lane for each triangle; in
+a tenth row lie the numbers of the user's faces, -1 in unused lanes. On a CPU the lanes are one vector register; on a
+GPU they are a loop. Both round the same operations, so they answer the same.
 """
 
 from functools import cache
 
 import warp as wp
+
+from .memory import make_at
 
 LANES = 8
 BLOCK_SIZE = 10 * LANES
@@ -84,11 +86,12 @@ def lowest_lane(mask: int) -> int:
 @cache
 def make_corner(real):
     """Vertex j of the triangle whose first row begins at `row`, in float64."""
+    at = make_at(real)
 
     @wp.func
     def corner(corners: wp.array(dtype=real), row: int, j: int) -> wp.vec3d:
         k = row + 24 * j
-        return wp.vec3d(wp.float64(corners[k]), wp.float64(corners[k + 8]), wp.float64(corners[k + 16]))
+        return wp.vec3d(wp.float64(at(corners, k)), wp.float64(at(corners, k + 8)), wp.float64(at(corners, k + 16)))
 
     return corner
 

@@ -8,13 +8,15 @@ from functools import cache
 
 import warp as wp
 
-from .blocks import make_corner, make_face_at, make_set_face, slot_row
+from .blocks import make_corner, make_face_at, slot_row
 from .grid import cell_id, cell_of
-from .rounding import OPTIONS
+from .rounding import OPTIONS, larger, largest_of, smaller, smallest_of
 from .structs import WIDE, grid_struct
 from .tree import STEPS, bound_at, set_bound
 
 Grid = grid_struct(WIDE)
+ROOM, COUNT, STORE = 0, 1, 2
+"""Passes over what is listed: room for its pairs, found at once; how many pairs exactly; the pairs."""
 MOST_GAP = 255
 """The farthest that a cell knows to be empty around it."""
 
@@ -24,15 +26,27 @@ def is_apart(axis: wp.vec3d, half: wp.vec3d, p0: wp.vec3d, p1: wp.vec3d, p2: wp.
     """Whether the projections of a centred box and a triangle on an axis do not touch."""
     a, b, c = wp.dot(axis, p0), wp.dot(axis, p1), wp.dot(axis, p2)
     reach = wp.dot(half, wp.abs(axis))
-    return wp.min(wp.min(a, b), c) > reach or wp.max(wp.max(a, b), c) < -reach
+    return smaller(smaller(a, b), c) > reach or larger(larger(a, b), c) < -reach
 
 
 @wp.func
 def touches_triangle(center: wp.vec3d, half: wp.vec3d, a: wp.vec3d, b: wp.vec3d, c: wp.vec3d):
     """Whether a triangle touches a box, by separating axes (Akenine-Moeller 2001): walls, plane, edge pairs."""
     p0, p1, p2 = a - center, b - center, c - center
-    if wp.max(wp.min(wp.min(p0, p1), p2) - half) > WIDE(0.0) or wp.min(wp.max(wp.max(p0, p1), p2) + half) < WIDE(0.0):
+    least, most = smallest_of(p0, p1, p2), largest_of(p0, p1, p2)
+    if least[0] > half[0] or least[1] > half[1] or least[2] > half[2]:
         return False
+    if most[0] < -half[0] or most[1] < -half[1] or most[2] < -half[2]:
+        return False
+    if (
+        least[0] >= -half[0]
+        and least[1] >= -half[1]
+        and least[2] >= -half[2]
+        and most[0] <= half[0]
+        and most[1] <= half[1]
+        and most[2] <= half[2]
+    ):
+        return True
     if is_apart(wp.cross(p1 - p0, p2 - p0), half, p0, p1, p2):
         return False
     for k in range(3):
@@ -60,76 +74,17 @@ def cell_center(grid: Grid, x: int, y: int, z: int):
 
 
 @wp.func
+def cells_between(first: wp.vec3i, last: wp.vec3i):
+    """How many cells lie in the box from one to another."""
+    return wp.int64(last[0] - first[0] + 1) * wp.int64(last[1] - first[1] + 1) * wp.int64(last[2] - first[2] + 1)
+
+
+@wp.func
 def first_slot(end: wp.array(dtype=wp.int64), k: int):
     """Where the pairs of item k begin."""
     if k == 0:
         return int(0)
     return int(end[k - 1])
-
-
-@wp.func
-def spread_bits(x: wp.uint32):
-    """The ten low bits of x, two zeros between each."""
-    x = (x | (x << wp.uint32(16))) & wp.uint32(0x030000FF)
-    x = (x | (x << wp.uint32(8))) & wp.uint32(0x0300F00F)
-    x = (x | (x << wp.uint32(4))) & wp.uint32(0x030C30C3)
-    return (x | (x << wp.uint32(2))) & wp.uint32(0x09249249)
-
-
-@wp.func
-def morton_code(p: wp.vec3d):
-    """Place along the Morton curve of a point of [-1, 1]^3, 30 bits."""
-    q = wp.vec3ui()
-    for axis in range(3):
-        q[axis] = wp.uint32(wp.clamp((p[axis] + WIDE(1.0)) * WIDE(512.0), WIDE(0.0), WIDE(1023.0)))
-    return int((spread_bits(q[0]) << wp.uint32(2)) | (spread_bits(q[1]) << wp.uint32(1)) | spread_bits(q[2]))
-
-
-@cache
-def make_sort_keys(real):
-    """Kernel that places each face along the Morton curve, so that blocks hold neighbours."""
-
-    @wp.kernel(module="unique", enable_backward=False, module_options=OPTIONS)
-    def sort_keys(
-        points: wp.array(dtype=real),  # [9 faces]  canonical p0 p1 p2 of each face
-        key: wp.array(dtype=wp.int32),
-        face: wp.array(dtype=wp.int32),
-    ):
-        k = wp.tid()
-        middle = wp.vec3d()
-        for axis in range(3):
-            i = 9 * k + axis
-            middle[axis] = (WIDE(points[i]) + WIDE(points[i + 3]) + WIDE(points[i + 6])) / WIDE(3.0)
-        key[k] = morton_code(middle)
-        face[k] = k
-
-    return sort_keys
-
-
-@cache
-def make_fill_blocks(real):
-    """Kernel that copies faces, in sorted order, into the lanes of blocks."""
-    set_face = make_set_face(real)
-
-    @wp.kernel(module="unique", enable_backward=False, module_options=OPTIONS)
-    def fill_blocks(
-        points: wp.array(dtype=real),
-        sorted_face: wp.array(dtype=wp.int32),
-        face_count: int,
-        corner: wp.array(dtype=real),
-    ):
-        slot = wp.tid()
-        row = slot_row(slot)
-        if slot < face_count:
-            set_face(corner, slot, sorted_face[slot])
-            for k in range(9):
-                corner[row + 8 * k] = points[9 * sorted_face[slot] + k]
-        else:
-            set_face(corner, slot, -1)
-            for k in range(9):
-                corner[row + 8 * k] = real(0.0)
-
-    return fill_blocks
 
 
 @cache
@@ -148,6 +103,22 @@ def make_list_blocks(real):
             bounds[6 * slot + axis] = int(wp.clamp(first, WIDE(0.0), WIDE(STEPS)))
             bounds[6 * slot + 3 + axis] = int(wp.clamp(last, WIDE(0.0), WIDE(STEPS)))
 
+    @wp.func
+    def within(corners: wp.array(dtype=real), block: int, center: wp.vec3d, half: wp.vec3d, pads: wp.vec3d):
+        """(whether a block touches a box, lower, upper): the padded bounds of its triangles that do, within the box."""
+        lower, upper = center + half, center - half
+        is_touched = bool(False)
+        for lane in range(8):
+            if face_at(corners, 8 * block + lane) >= 0:
+                row = slot_row(8 * block + lane)
+                a, b, c = corner(corners, row, 0), corner(corners, row, 1), corner(corners, row, 2)
+                if touches_triangle(center, half, a, b, c):
+                    is_touched = True
+                    least, most = smallest_of(a, b, c) - pads, largest_of(a, b, c) + pads
+                    lower = smallest_of(lower, largest_of(least, center - half, least), lower)
+                    upper = largest_of(upper, smallest_of(most, center + half, most), upper)
+        return is_touched, lower, upper
+
     @wp.kernel(module="unique", enable_backward=False, module_options=OPTIONS)
     def list_blocks(
         grid: Grid,
@@ -155,55 +126,59 @@ def make_list_blocks(real):
         pad: WIDE,  # widens each cell on all sides
         frame_lo: wp.vec3d,  # as in the mesh
         frame_step: wp.vec3d,
-        stores: bool,  # False: end[k] becomes the count of block k; True: its pairs end at end[k]
+        pass_: int,  # ROOM or COUNT: what end[k] becomes for block k; STORE: its pairs end at end[k]
         end: wp.array(dtype=wp.int64),
         cell: wp.array(dtype=wp.int32),
         pair: wp.array(dtype=wp.int32),  # numbers of the pairs, to be sorted by cell
         listed: wp.array(dtype=wp.int32),  # the block of each pair
         bounds: wp.array(dtype=wp.int32),  # [6 pairs]  in steps from the frame of the cell
+        first_block: int,
     ):
-        block = wp.tid()
+        block = first_block + wp.tid()
         pads = wp.vec3d(pad, pad, pad)
         least, most = wp.vec3d(WIDE(wp.inf)), wp.vec3d(WIDE(-wp.inf))
         for lane in range(8):
             if face_at(corners, 8 * block + lane) >= 0:
                 row = slot_row(8 * block + lane)
-                for j in range(3):
-                    least = wp.min(least, corner(corners, row, j))
-                    most = wp.max(most, corner(corners, row, j))
-        first = cell_of(least - pads, grid.lo, grid.inv_cell, grid.count)
-        last = cell_of(most + pads, grid.lo, grid.inv_cell, grid.count)
+                a, b, c = corner(corners, row, 0), corner(corners, row, 1), corner(corners, row, 2)
+                least = smallest_of(least, smallest_of(a, b, c), least)
+                most = largest_of(most, largest_of(a, b, c), most)
+        least, most = least - pads, most + pads
+        first = cell_of(least, grid.lo, grid.inv_cell, grid.count)
+        last = cell_of(most, grid.lo, grid.inv_cell, grid.count)
+        room = cells_between(first, last)
+        if pass_ == ROOM:
+            end[block] = room
+            return
         half = WIDE(0.5) * grid.cell + pads
         slot = int(0)
-        if stores:
+        if pass_ == STORE:
             slot = first_slot(end, block)
         count = wp.int64(0)
         for x in range(first[0], last[0] + 1):
             for y in range(first[1], last[1] + 1):
                 for z in range(first[2], last[2] + 1):
                     center = cell_center(grid, x, y, z)
-                    lower, upper = center + half, center - half
-                    is_touched = bool(False)
-                    for lane in range(8):
-                        if face_at(corners, 8 * block + lane) >= 0:
-                            row = slot_row(8 * block + lane)
-                            a, b, c = corner(corners, row, 0), corner(corners, row, 1), corner(corners, row, 2)
-                            if touches_triangle(center, half, a, b, c):
-                                is_touched = True
-                                lower = wp.min(lower, wp.max(wp.min(wp.min(a, b), c) - pads, center - half))
-                                upper = wp.max(upper, wp.min(wp.max(wp.max(a, b), c) + pads, center + half))
+                    lower, upper = wp.max(least, center - half), wp.min(most, center + half)
+                    is_touched = bool(True)
+                    if room > wp.int64(1):
+                        is_touched, lower, upper = within(corners, block, center, half, pads)
                     if is_touched:
-                        if stores:
+                        count += wp.int64(1)
+                        if pass_ == STORE:
                             cell[slot] = cell_id(x, y, z, grid.count)
                             pair[slot] = slot
                             listed[slot] = block
                             frame = frame_lo + wp.cw_mul(wp.vec3d(WIDE(x), WIDE(y), WIDE(z)), grid.cell)
                             store_bounds(bounds, slot, lower, upper, frame, frame_step)
                             slot += 1
-                        else:
-                            count += wp.int64(1)
-        if not stores:
+        if pass_ == COUNT:
             end[block] = count
+        if pass_ == STORE:
+            # Room that was not needed goes beyond the last cell.
+            for k in range(slot, int(end[block])):
+                cell[k] = grid.count[0] * grid.count[1] * grid.count[2]
+                pair[k] = k
 
     return list_blocks
 
@@ -214,17 +189,18 @@ def list_boxes(
     lower: wp.array(dtype=wp.vec3d),
     upper: wp.array(dtype=wp.vec3d),
     box: wp.array(dtype=wp.int32),  # the boxes to list; they are padded already
-    stores: bool,  # as in list_faces
+    pass_: int,  # as in list_blocks
     end: wp.array(dtype=wp.int64),
     cell: wp.array(dtype=wp.int32),
     item: wp.array(dtype=wp.int32),
+    first_box: int,
 ):
     """Counts, or stores, the cells that each box touches."""
-    k = wp.tid()
+    k = first_box + wp.tid()
     first = cell_of(lower[box[k]], grid.lo, grid.inv_cell, grid.count)
     last = cell_of(upper[box[k]], grid.lo, grid.inv_cell, grid.count)
-    if not stores:
-        end[k] = wp.int64(last[0] - first[0] + 1) * wp.int64(last[1] - first[1] + 1) * wp.int64(last[2] - first[2] + 1)
+    if pass_ != STORE:
+        end[k] = cells_between(first, last)
         return
     slot = first_slot(end, k)
     for x in range(first[0], last[0] + 1):
@@ -343,12 +319,13 @@ def fill_nodes(
     bounds: wp.array(dtype=wp.int32),
     start: wp.array(dtype=wp.int32),
     node: wp.array(dtype=wp.int32),
+    first: int,
 ):
     """Stores one level of nodes: the boxes of blocks, or the bounds of the boxes a level below.
 
     The nodes of a cell lie level by level, its root first.
     """
-    k = wp.tid()
+    k = first + wp.tid()
     c = cell_of_node(start, k)
     items = pair_start[c + 1] - pair_start[c]
     mine = int(level_count(items))

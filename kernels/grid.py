@@ -62,9 +62,9 @@ def step_of(d: Real):
 def make_walk(real, visit):
     """A walk through the cells that a ray pierces, in order.
 
-    `visit(grid, payload, ray, at, cell, t_in, t_out, best) -> best` sees each cell, by its indices and by its number; the walk ends at the grid's far
-    side or when `best.t` is not beyond the cell's exit. A hit need not lie in the cell where it was found. The
-    ray has o, d and inv_d (see `safe_reciprocal`) in the space of the grid.
+    `visit(grid, payload, ray, at, cell, t_in, t_out, best) -> best` sees each cell, by its indices and by its number;
+    the walk ends at the grid's far side or when `best.t` is not beyond the cell's exit. A hit need not lie in the cell
+    where it was found. The ray has o, d and inv_d (see `safe_reciprocal`) in the space of the grid.
     """
     Grid = grid_struct(real)
 

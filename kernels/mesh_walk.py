@@ -180,7 +180,7 @@ def _code(real, looked: str, tested: str) -> str:
 
 @cache
 def make_next_slot(real):
-    """The next triangle, by its slot, that the ray may hit with t <= t_max, or -1 at the end: front to back, roughly."""
+    """The next triangle, by its slot, that the ray may hit with t <= t_max, or -1: roughly front to back."""
     Walk, Mesh, FaceRay = walk_struct(real), mesh_struct(real, True), face_ray_struct(real)
 
     @wp.func_native(_code(real, "", ""))

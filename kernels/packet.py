@@ -49,7 +49,7 @@ LOAD = """
         if (count < 8) {
             for (int i = 0; i < 24; ++i) {
                 const int k = i < 3 * count ? i : 0;
-                rest[i] = rays.is_wide ? ((const double*)(wide + first))[k] : (double)((const float*)(narrow + first))[k];
+                rest[i] = rays.is_wide ? ((const double*)(wide + first))[k] : ((const float*)(narrow + first))[k];
             }
             const D* p = (const D*)rest;
             split(p[0], p[1], p[2], v);
@@ -119,7 +119,7 @@ STORE = """
         if (hits.t.shape[0] > 0) *(R*)(hits.t.data + first) = *(const R*)&packet.limit[0];
         if (hits.instance_id.shape[0] > 0) *(I*)(hits.instance_id.data + first) = instance;
         if (hits.primitive_id.shape[0] > 0) *(I*)(hits.primitive_id.data + first) = *(const I*)&packet.primitive[0];
-        if (hits.hit.shape[0] > 0) for (int lane = 0; lane < 8; ++lane) hits.hit.data[first + lane] = instance[lane] >= 0;
+        for (int lane = 0; lane < 8 && hits.hit.shape[0] > 0; ++lane) hits.hit.data[first + lane] = instance[lane] >= 0;
         return;
     }
 #else
@@ -270,7 +270,7 @@ TAKE = """
 
 @cache
 def packet_struct(real):
-    """Eight rays and their best hits; in the space of one mesh, what `face_ray_struct` and `walk_struct` hold of each."""
+    """Eight rays and their best hits; in the space of a mesh, what `face_ray_struct` and `walk_struct` hold of each."""
     wide, narrow, whole = (wp.types.vector(8, dtype) for dtype in (WIDE, real, wp.int32))
     return make_struct(
         "Packet",

@@ -95,6 +95,20 @@ def largest(v: Vec3):
 
 
 @wp.func
+def smallest_of(a: Vec3, b: Vec3, c: Vec3):
+    """The smallest of three vectors without NaN, by component."""
+    return type(a)(
+        smaller(smaller(a[0], b[0]), c[0]), smaller(smaller(a[1], b[1]), c[1]), smaller(smaller(a[2], b[2]), c[2])
+    )
+
+
+@wp.func
+def largest_of(a: Vec3, b: Vec3, c: Vec3):
+    """The largest of three vectors without NaN, by component."""
+    return type(a)(larger(larger(a[0], b[0]), c[0]), larger(larger(a[1], b[1]), c[1]), larger(larger(a[2], b[2]), c[2]))
+
+
+@wp.func
 def kept_off_zero(x: Real, tiny: Real):
     """X, or a number of its sign and of size `tiny` where x is smaller."""
     return wp.where(wp.abs(x) < tiny, wp.where(x < type(x)(0.0), -tiny, tiny), x)

@@ -46,9 +46,7 @@ def mesh_struct(real, has_grid: bool):
     if has_grid:
         fields |= {
             "grid": grid_struct(real),  # its items are nodes, those of a cell from its root on; none are stored
-            "gap": wp.array(
-                dtype=wp.uint8
-            ),  # [cells]  how many cells it is to one that lists anything, in any direction
+            "gap": wp.array(dtype=wp.uint8),  # [cells]  how many cells it is to one that lists anything
             "node": wp.array(dtype=wp.int32),  # [32 nodes]  see tree.py
             "frame_lo": vec3(real),  # lower corner of the frame of cell 0; frames are as far apart as cells
             "frame_step": vec3(real),  # a frame is STEPS of these long

@@ -4,10 +4,9 @@ A node holds the boxes of eight children: blocks of triangles, or nodes. Blocks 
 curve, and each eight neighbours make a node, so a sparse cell has one and a crowded one as many levels as it takes.
 
 A node is 128 bytes: rows of eight 16-bit numbers, lower x y z and upper x y z, in steps from the lower corner of the
-cell's frame; then the eight children, a block b as b, a node n as -2 - n, none as -1. Boxes are rounded outwards, so what
-a ray meets never depends on them; they only say where it need not look.
+cell's frame; then the eight children, a block b as b, a node n as -2 - n, none as -1. Boxes are rounded outwards, so
+what a ray meets never depends on them; they only say where it need not look.
 """
-
 
 import warp as wp
 

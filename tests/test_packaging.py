@@ -17,7 +17,7 @@ SCENE = "import warprt as rt, warprt.kernels.spec; print(rt.load_scene('ziggurat
 def wheel(tmp_path_factory):
     """A wheel built from a copy of the tree, so that the tree stays clean."""
     folder = tmp_path_factory.mktemp("tree")
-    for name in ("warprt", "kernels", "scenes", "pyproject.toml", "README.md", "LICENSE"):
+    for name in ("warprt", "kernels", "scenes", "benchmarks", "pyproject.toml", "README.md", "LICENSE"):
         copy = shutil.copytree if (ROOT / name).is_dir() else shutil.copy
         copy(ROOT / name, folder / name)
     command = [sys.executable, "-m", "pip", "wheel", "--no-deps", "--quiet", "--wheel-dir", "dist", "."]
@@ -25,10 +25,11 @@ def wheel(tmp_path_factory):
     return next((folder / "dist").glob("*.whl"))
 
 
-def test_wheel_holds_the_three_packages_and_nothing_else(wheel):
+def test_wheel_holds_the_packages_and_nothing_else(wheel):
+    inside = {"warprt": "warprt", **{f"warprt/{name}": name for name in ("kernels", "scenes", "benchmarks")}}
     expected = {
         f"{package}/{path.name}"
-        for package, folder in (("warprt", "warprt"), ("warprt/kernels", "kernels"), ("warprt/scenes", "scenes"))
+        for package, folder in inside.items()
         for path in (ROOT / folder).iterdir()
         if path.suffix in (".py", ".cfg", ".lark", ".typed")
     }

@@ -6,16 +6,20 @@ from dataclasses import dataclass
 import numpy as np
 import warp as wp
 
-from warprt.kernels import build
+from warprt.kernels import block_build, build
 from warprt.kernels.blocks import BLOCK_SIZE, LANES
 from warprt.kernels.structs import grid_struct
 from warprt.kernels.tree import MOST_LEVELS, NODE_WORDS, STEPS
 
-from .launch import load
+from .launch import default_threads, launch, load
 from .memory import empty, require
 
 FACES_PER_CELL = 64.0
 """Chosen by measurement, see benchmarks/results; rates change little between 16 and 64."""
+MOST_LISTED = 64
+"""In how many cells the bounds of a face may lie on average."""
+MOST_ROOM = 8
+"""Pairs for each item, on average, for which room is made without counting them first."""
 MAX_CELLS = 2**31 - 2
 """Cells are numbered by int32."""
 
@@ -84,7 +88,7 @@ class Pairs:
 
 
 def list_pairs(grid, count: tuple[int, int, int], kernel: wp.Kernel, items: int, inputs: list, outputs) -> Pairs:
-    """Pairs of cells and what they list: count for each item, scan, store, sort.
+    """Pairs of cells and what they list: make room for each item, scan, store, sort.
 
     `outputs(total)` allocates what the kernel stores besides cells and numbers.
     """
@@ -93,19 +97,22 @@ def list_pairs(grid, count: tuple[int, int, int], kernel: wp.Kernel, items: int,
     if cells > MAX_CELLS:
         raise MemoryError(f"{name} has more than {MAX_CELLS} of them; choose fewer")
     require(8 * cells, name, device)
-    wide = widened(grid)
-    load(kernel, device)
+    wide, threads = widened(grid), default_threads()
     end = empty(items, wp.int64, device)
     nothing = [None] * (2 + len(outputs(0)))
-    wp.launch(kernel, dim=items, inputs=[wide, *inputs, False, end, *nothing], device=device)
-    wp.utils.array_scan(end, end, inclusive=True)
-    total = int(end[items - 1 :].numpy()[0])
+    for number in (build.ROOM, build.COUNT):
+        launch(kernel, items, [wide, *inputs, number, end, *nothing], device, threads)
+        wp.utils.array_scan(end, end, inclusive=True)
+        total = int(end[items - 1 :].numpy()[0])
+        if total <= MOST_ROOM * items:
+            # Near enough to what is needed: the count, which takes as long as storing, can be saved.
+            break
     if total > MAX_CELLS:
         raise MemoryError(f"{name} would list {total} items, more than {MAX_CELLS}; choose fewer cells")
     require(8 * cells + 80 * total, f"{name} with {total} listed items", device)
     # The radix sort wants twice the room.
     cell, number = (empty(2 * total, wp.int32, device) for _ in range(2))
-    wp.launch(kernel, dim=items, inputs=[wide, *inputs, True, end, cell, number, *outputs(total)], device=device)
+    launch(kernel, items, [wide, *inputs, build.STORE, end, cell, number, *outputs(total)], device, threads)
     wp.utils.radix_sort_pairs(cell, number, total, begin_bit=0, end_bit=max(1, cells.bit_length()))
     start = empty(cells + 1, wp.int32, device)
     load(build.find_starts, device)
@@ -123,19 +130,57 @@ def build_box_grid(
     return CellLists(grid, count, (grid.start, grid.item))
 
 
-def build_blocks(points: wp.array, real: type) -> wp.array:
-    """Sorts faces, [9 F] canonical corners, along a space-filling curve and cuts them into blocks, see kernels/blocks.py."""
-    device, faces = points.device, points.size // 9
-    key, sorted_face = (empty(2 * faces, wp.int32, device) for _ in range(2))
-    sort_keys, fill_blocks = build.make_sort_keys(real), build.make_fill_blocks(real)
-    load(sort_keys, device)
-    wp.launch(sort_keys, dim=faces, inputs=[points, key, sorted_face], device=device)
-    wp.utils.radix_sort_pairs(key, sorted_face, faces, begin_bit=0, end_bit=30)
-    blocks = -(-faces // LANES)
+@dataclass
+class Faces:
+    """A user's faces on a device, and the canonical space to which their vertices are taken."""
+
+    vertices: wp.array
+    """[V] vec3d"""
+    indices: wp.array
+    """[3 F] int32"""
+    center: np.ndarray
+    scale: float
+
+    @property
+    def count(self) -> int:
+        """Number of faces."""
+        return self.indices.size // 3
+
+    @property
+    def inputs(self) -> list:
+        """As kernels take them."""
+        return [self.vertices, self.indices, wp.vec3d(*self.center), wp.float64(self.scale)]
+
+
+def build_blocks(faces: Faces, real: type) -> wp.array:
+    """Sorts faces along a space-filling curve and cuts them into blocks, see kernels/blocks.py."""
+    device, count, threads = faces.indices.device, faces.count, default_threads()
+    key, sorted_face = (empty(2 * count, wp.int32, device) for _ in range(2))
+    launch(block_build.place_faces, count, [*faces.inputs, key, sorted_face], device, threads)
+    wp.utils.radix_sort_pairs(key, sorted_face, count, begin_bit=0, end_bit=30)
+    blocks = -(-count // LANES)
     corner = empty(BLOCK_SIZE * blocks, real, device)
-    load(fill_blocks, device)
-    wp.launch(fill_blocks, dim=LANES * blocks, inputs=[points, sorted_face, faces, corner], device=device)
+    fill = block_build.make_fill_blocks(real)
+    launch(fill, LANES * blocks, [*faces.inputs, sorted_face, corner], device, threads)
     return corner
+
+
+def auto_resolution(faces: Faces, extent: np.ndarray) -> tuple[int, int, int]:
+    """Cells along each axis: fewer than usual where faces are so large that lists would grow too long."""
+    device, chunks = faces.indices.device, -(-faces.count // block_build.CHUNK)
+    sums = wp.empty((chunks, 7), dtype=wp.float64, device=device)
+    inputs = [faces.vertices, faces.indices, wp.float64(faces.scale), sums]
+    launch(block_build.sum_extents, chunks, inputs, device, default_threads())
+    x, y, z, xy, yz, zx, xyz = sums.numpy().sum(axis=0)
+    cells = faces.count / FACES_PER_CELL
+    while True:
+        count = resolution(extent, cells)
+        a, b, c = (n / length for n, length in zip(count, extent, strict=True))
+        # The product of 1 + cells spanned along each axis, added up over the faces.
+        listed = faces.count + a * x + b * y + c * z + a * b * xy + b * c * yz + c * a * zx + a * b * c * xyz
+        if listed <= MOST_LISTED * faces.count or max(count) == 1:
+            return count
+        cells /= 2
 
 
 @dataclass
@@ -191,7 +236,6 @@ def build_block_trees(
     wp.utils.array_scan(start, start, inclusive=True)
     nodes = int(start[cells:].numpy()[0])
     node = empty(NODE_WORDS * nodes, wp.int32, device)
-    load(build.fill_nodes, device)
     levels = int(most_levels.numpy()[0])
     if levels > MOST_LEVELS:
         raise MemoryError(
@@ -200,6 +244,6 @@ def build_block_trees(
     for level in range(1, levels + 1):
         # Each level is made from the one below.
         inputs = [level, pairs.start, pairs.number, *stored, start, node]
-        wp.launch(build.fill_nodes, dim=nodes, inputs=inputs, device=device)
+        launch(build.fill_nodes, nodes, inputs, device, default_threads())
     grid.start = start
     return BlockTrees(CellLists(grid, count, (start,)), node, gaps(start, count), frame_lo, frame_step)

@@ -10,7 +10,7 @@ LINE = 64
 
 
 def empty(size: int, dtype: type, device: wp.Device) -> wp.array:
-    """An array of scalars, not cleared. On a CPU it comes from NumPy, which asks for huge pages: far fewer TLB misses."""
+    """An array of scalars, not cleared. On a CPU it is NumPy's, which asks for huge pages: far fewer TLB misses."""
     if device.is_cuda:
         return wp.empty(size, dtype=dtype, device=device)
     scalar = np.dtype(wp.dtype_to_numpy(dtype))

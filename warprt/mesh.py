@@ -11,7 +11,7 @@ from warprt.kernels.spec import ShapeKind
 from warprt.kernels.structs import mesh_struct
 
 from . import checks
-from .grid import FACES_PER_CELL, BlockTrees, CellLists, build_block_trees, build_blocks, resolution
+from .grid import BlockTrees, CellLists, Faces, auto_resolution, build_block_trees, build_blocks
 from .shapes import Canonical, power_of_two_above
 from .typing import ArrayLike
 
@@ -22,10 +22,6 @@ A hit found by the triangle test lies on the triangle and within 25 roundings of
 at which a ray meets them carry at most 12 more of terms up to 2. So each cell whose span of t holds a hit lists
 the triangle, and a ray may stop as soon as its best hit lies before the exit of a cell.
 """
-
-
-MOST_LISTED = 64
-"""In how many cells the bounds of a face may lie on average."""
 
 
 class Mesh:
@@ -108,14 +104,6 @@ class Mesh:
             raise ValueError(f"Mesh.from_trimesh needs a trimesh.Trimesh; got {type(mesh).__name__}")
         return cls(mesh.vertices, mesh.faces, grid=grid)
 
-    def corners(self) -> np.ndarray:
-        """(F, 3, 3) float64 canonical vertices of each face; a face without area is three equal points."""
-        canonical = self.canonical()
-        corners = ((self.vertices - canonical.center) / canonical.scale)[self.faces]
-        is_empty = _has_no_area(corners)
-        corners[is_empty, 1:] = corners[is_empty, :1]
-        return corners
-
     def device_copy(self, real: type, device: wp.Device, has_grid: bool) -> "DeviceMesh":
         """The mesh on a device, made once for each arithmetic."""
         key = (real, device.alias, has_grid)
@@ -128,18 +116,22 @@ class DeviceMesh:
     """Canonical triangles and their grid in device memory."""
 
     def __init__(self, mesh: Mesh, real: type, device: wp.Device, has_grid: bool):
-        corners = mesh.corners()
         self._real = real
-        points = wp.array(corners.astype(wp.dtype_to_numpy(real)).ravel(), dtype=real, device=device)
-        self._corner = build_blocks(points, real)
+        canonical = mesh.canonical()
+        faces = Faces(
+            wp.array(mesh.vertices, dtype=wp.vec3d, device=device, copy=False),
+            wp.array(mesh.faces.ravel(), dtype=wp.int32, device=device, copy=False),
+            canonical.center,
+            canonical.scale,
+        )
+        self._corner = build_blocks(faces, real)
         self._trees: BlockTrees | None = None
         if has_grid:
-            canonical = mesh.canonical()
             pad = PAD_ROUNDINGS * float(np.finfo(wp.dtype_to_numpy(real)).eps) / 2
             lower, upper = canonical.lower - 2 * pad, canonical.upper + 2 * pad
             count = mesh.grid or (1, 1, 1)
             if count == "auto":
-                count = _auto_resolution(corners, upper - lower)
+                count = auto_resolution(faces, upper - lower)
             self._trees = build_block_trees(self._corner, lower, upper, count, pad, real)
 
     @property
@@ -188,9 +180,8 @@ def _face_indices(faces: ArrayLike, vertex_count: int) -> np.ndarray:
         raise ValueError(f"Mesh faces must have shape (F, 3) with F >= 1; got {array.shape}")
     if not np.issubdtype(array.dtype, np.integer):
         raise ValueError(f"Mesh faces must be integers; got {array.dtype}")
-    is_bad = ((array < 0) | (array >= vertex_count)).any(axis=1)
-    if is_bad.any():
-        i = int(np.argmax(is_bad))
+    if array.min() < 0 or array.max() >= vertex_count:
+        i = int(np.argmax(((array < 0) | (array >= vertex_count)).any(axis=1)))
         raise ValueError(f"Mesh faces[{i}] = {array[i].tolist()} is out of range: there are {vertex_count} vertices")
     array = array.astype(np.int32)
     array.setflags(write=False)
@@ -204,31 +195,3 @@ def _grid_choice(grid):
     if not isinstance(grid, (tuple, list, np.ndarray)) or len(grid) != 3:
         raise ValueError(f"Mesh grid must be 'auto', None or three cell counts; got {grid!r}")
     return tuple(checks.integer(n, "Mesh grid cells per axis") for n in grid)
-
-
-def _auto_resolution(corners: np.ndarray, extent: np.ndarray) -> tuple[int, int, int]:
-    """Cells along each axis: fewer than usual where faces are so large that lists would grow too long."""
-    cells = len(corners) / FACES_PER_CELL
-    a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
-    size = (np.maximum(np.maximum(a, b), c) - np.minimum(np.minimum(a, b), c)) / extent
-    while True:
-        count = resolution(extent, cells)
-        spanned = size * count + 1
-        listed = (spanned[:, 0] * spanned[:, 1] * spanned[:, 2]).sum()
-        if listed <= MOST_LISTED * len(corners) or max(count) == 1:
-            return count
-        cells /= 2
-
-
-def _has_no_area(corners: np.ndarray) -> np.ndarray:
-    """(F,) bool: the cross product of two edges is no larger than its rounding error."""
-    e1, e2 = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-    # Four roundings each: of two edges, of a product, of the difference.
-    error = 4 * np.finfo(np.float64).eps * _largest(e1) * _largest(e2)
-    return _largest(np.cross(e1, e2)) <= error
-
-
-def _largest(vectors: np.ndarray) -> np.ndarray:
-    """(F,) size of the largest component of (F, 3) vectors, several times faster than a reduction over that axis."""
-    x, y, z = np.abs(vectors).T
-    return np.maximum(np.maximum(x, y), z)
