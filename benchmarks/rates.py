@@ -5,11 +5,12 @@ from functools import partial
 
 import numpy as np
 
+from warprt.timing import alternating, ratio
+
 from .agreement import agreement
 from .engines import Engine, Ours, peer_makers
 from .meshes import Triangles
 from .rays import RaySet, ray_sets
-from .timing import alternating, ratio
 
 
 def measure(

@@ -8,8 +8,8 @@ import trimesh
 
 from warprt.benchmarks import meshes, rates, rays
 from warprt.benchmarks.agreement import agreement
-from warprt.benchmarks.timing import alternating, ratio
 from warprt.cli import main
+from warprt.timing import alternating, ratio
 
 
 @pytest.mark.parametrize("name", meshes.MAKERS)

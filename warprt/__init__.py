@@ -25,4 +25,6 @@ from .shapes import Plane as Plane
 from .shapes import Sphere as Sphere
 from .tracer import Tracer as Tracer
 from .transform import Transform as Transform
+from .tune import Tuning as Tuning
+from .tune import tune as tune
 from .walk import CellWalk as CellWalk

@@ -83,6 +83,12 @@ class Mesh:
         vertices = (self.vertices / 2 - lower / 2) / (side if side > 0 else 0.5)
         return Mesh(vertices, self.faces, self.normals, self.uvs, self.grid)
 
+    def with_grid(self, grid: str | tuple[int, int, int] | None) -> "Mesh":
+        """A copy, which shares vertices and faces, with another grid."""
+        copy = object.__new__(Mesh)
+        copy.__dict__.update(self.__dict__, grid=_grid_choice(grid), _device_copies={})
+        return copy
+
     @classmethod
     def from_file(cls, path: str | Path, grid: str | tuple[int, int, int] | None = "auto") -> "Mesh":
         """Reads any mesh format that trimesh reads (.ply .obj .stl .off ...); several parts become one mesh.

@@ -82,6 +82,10 @@ class Tracer:
         """Device memory of the geometry: shapes, grids and placements."""
         return self._device_scene.bytes
 
+    def mesh_grids(self) -> list[tuple[int, int, int]]:
+        """Cells along x, y, z of the grid over each mesh, in order of appearance; none with accelerator="none"."""
+        return [mesh.lists.count for mesh in self._device_scene.meshes if mesh.lists is not None]
+
     def cast(
         self,
         origins: ArrayLike | wp.array,

@@ -1,14 +1,14 @@
 """Times of functions that take turns, so that a machine's moods fall on all of them alike."""
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Hashable
 
 import numpy as np
 
 
-def alternating(functions: dict[str, Callable[[], object]], rounds: int) -> dict[str, np.ndarray]:
+def alternating(functions: dict[Hashable, Callable[[], object]], rounds: int) -> dict[Hashable, np.ndarray]:
     """(rounds,) seconds of each function. A first round, in which things are compiled and touched, is not counted."""
-    seconds: dict[str, list[float]] = {name: [] for name in functions}
+    seconds: dict[Hashable, list[float]] = {name: [] for name in functions}
     for _ in range(rounds + 1):
         for name, function in functions.items():
             started = time.perf_counter()
