@@ -87,21 +87,22 @@ def first_slot(end: wp.array(dtype=wp.int64), k: int):
     return int(end[k - 1])
 
 
+@wp.func
+def store_bounds(
+    bounds: wp.array(dtype=wp.int32), slot: int, lower: wp.vec3d, upper: wp.vec3d, frame: wp.vec3d, step: wp.vec3d
+):
+    for axis in range(3):
+        # Outwards, by a little more than the quotients are rounded.
+        first = wp.floor((lower[axis] - frame[axis]) / step[axis] - WIDE(1.0e-3))
+        last = wp.ceil((upper[axis] - frame[axis]) / step[axis] + WIDE(1.0e-3))
+        bounds[6 * slot + axis] = int(wp.clamp(first, WIDE(0.0), WIDE(STEPS)))
+        bounds[6 * slot + 3 + axis] = int(wp.clamp(last, WIDE(0.0), WIDE(STEPS)))
+
+
 @cache
 def make_list_blocks(real):
     """Kernel that counts, or stores, the cells that each block touches, with its padded bounds within each."""
     corner, face_at = make_corner(real), make_face_at(real)
-
-    @wp.func
-    def store_bounds(
-        bounds: wp.array(dtype=wp.int32), slot: int, lower: wp.vec3d, upper: wp.vec3d, frame: wp.vec3d, step: wp.vec3d
-    ):
-        for axis in range(3):
-            # Outwards, by a little more than the quotients are rounded.
-            first = wp.floor((lower[axis] - frame[axis]) / step[axis] - WIDE(1.0e-3))
-            last = wp.ceil((upper[axis] - frame[axis]) / step[axis] + WIDE(1.0e-3))
-            bounds[6 * slot + axis] = int(wp.clamp(first, WIDE(0.0), WIDE(STEPS)))
-            bounds[6 * slot + 3 + axis] = int(wp.clamp(last, WIDE(0.0), WIDE(STEPS)))
 
     @wp.func
     def within(corners: wp.array(dtype=real), block: int, center: wp.vec3d, half: wp.vec3d, pads: wp.vec3d):
@@ -189,16 +190,21 @@ def list_boxes(
     lower: wp.array(dtype=wp.vec3d),
     upper: wp.array(dtype=wp.vec3d),
     box: wp.array(dtype=wp.int32),  # the boxes to list; they are padded already
-    pass_: int,  # as in list_blocks
+    frame_lo: wp.vec3d,  # as in list_blocks, and the arguments that follow
+    frame_step: wp.vec3d,
+    pass_: int,
     end: wp.array(dtype=wp.int64),
     cell: wp.array(dtype=wp.int32),
-    item: wp.array(dtype=wp.int32),
+    pair: wp.array(dtype=wp.int32),
+    listed: wp.array(dtype=wp.int32),
+    bounds: wp.array(dtype=wp.int32),
     first_box: int,
 ):
-    """Counts, or stores, the cells that each box touches."""
+    """Counts, or stores, the cells that each box touches, with what of it lies in the frame of each."""
     k = first_box + wp.tid()
-    first = cell_of(lower[box[k]], grid.lo, grid.inv_cell, grid.count)
-    last = cell_of(upper[box[k]], grid.lo, grid.inv_cell, grid.count)
+    least, most = lower[box[k]], upper[box[k]]
+    first = cell_of(least, grid.lo, grid.inv_cell, grid.count)
+    last = cell_of(most, grid.lo, grid.inv_cell, grid.count)
     if pass_ != STORE:
         end[k] = cells_between(first, last)
         return
@@ -207,7 +213,10 @@ def list_boxes(
         for y in range(first[1], last[1] + 1):
             for z in range(first[2], last[2] + 1):
                 cell[slot] = cell_id(x, y, z, grid.count)
-                item[slot] = box[k]
+                pair[slot] = slot
+                listed[slot] = box[k]
+                frame = frame_lo + wp.cw_mul(wp.vec3d(WIDE(x), WIDE(y), WIDE(z)), grid.cell)
+                store_bounds(bounds, slot, least, most, frame, frame_step)
                 slot += 1
 
 

@@ -5,12 +5,11 @@ from functools import cache
 import warp as wp
 
 from .blocks import lowest_lane, make_candidates, make_face_at, slot_row
-from .grid import cell_of, step_of, wall_t
 from .memory import make_at
-from .mesh_walk import make_next_slot, walk_struct
 from .rounding import real_above, rounding_of_sum, safe_reciprocal, unit_roundoff
 from .spec import Spec
-from .structs import WIDE, face_hit_struct, face_ray_struct, grid_struct, local_ray_struct, mesh_struct, vec3
+from .structs import WIDE, face_hit_struct, face_ray_struct, local_ray_struct, mesh_struct, vec3
+from .tree_walk import make_next_slot, make_start_walk, walk_struct
 from .triangle import shear_axes, solve_sheared
 
 
@@ -148,38 +147,13 @@ def make_hit_faces(spec: Spec, any_hit: bool):
 
         return hit_every_block
 
-    start_walk, hit_walk = make_start_walk(spec), make_hit_walk(spec, any_hit)
+    start_walk, hit_walk = make_start_walk(real), make_hit_walk(spec, any_hit)
 
     @wp.func
     def hit_faces(meshes: wp.array(dtype=Mesh), m: int, ray: FaceRay, best: FaceHit) -> FaceHit:
-        return hit_walk(meshes, m, ray, start_walk(meshes[m].grid, ray), best)
+        return hit_walk(meshes, m, ray, start_walk(meshes[m].trees.grid, ray), best)
 
     return hit_faces
-
-
-@cache
-def make_start_walk(spec: Spec):
-    """A walk that begins where the ray does."""
-    real = spec.real
-    Grid, FaceRay, Walk = grid_struct(real), face_ray_struct(real), walk_struct(real)
-
-    @wp.func
-    def start_walk(grid: Grid, ray: FaceRay) -> Walk:
-        at = cell_of(ray.o, grid.lo, grid.inv_cell, grid.count)
-        walk = Walk()
-        walk.x = at[0]
-        walk.y = at[1]
-        walk.z = at[2]
-        _step_x, ahead_x = step_of(ray.inv_d[0])
-        _step_y, ahead_y = step_of(ray.inv_d[1])
-        _step_z, ahead_z = step_of(ray.inv_d[2])
-        walk.tx = wall_t(grid.lo[0], grid.cell[0], at[0] + ahead_x, ray.o[0], ray.inv_d[0])
-        walk.ty = wall_t(grid.lo[1], grid.cell[1], at[1] + ahead_y, ray.o[1], ray.inv_d[1])
-        walk.tz = wall_t(grid.lo[2], grid.cell[2], at[2] + ahead_z, ray.o[2], ray.inv_d[2])
-        walk.block = -2
-        return walk
-
-    return start_walk
 
 
 @cache

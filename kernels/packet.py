@@ -11,7 +11,6 @@ import warp as wp
 from .blocks import lowest_lane, make_face_at, native_code
 from .faces import make_hit_walk
 from .memory import int_at, mat33d_at, vec3d_at
-from .mesh_walk import walk_struct
 from .spec import Spec
 from .structs import (
     WIDE,
@@ -25,6 +24,7 @@ from .structs import (
     scene_struct,
 )
 from .trace import make_closer
+from .tree_walk import walk_struct
 
 PACKET = 8
 """Rays in a packet on a CPU."""
@@ -380,7 +380,7 @@ def make_trace_packet(spec: Spec, any_hit: bool):
             i = int_at(scene.instances.order, k)
             shape = scene.shape[int_at(scene.instances.shape, i)]
             w, b = mat33d_at(scene.instances.local_from_world, i), vec3d_at(scene.instances.origin, i)
-            grid = scene.mesh[shape.mesh].grid
+            grid = scene.mesh[shape.mesh].trees.grid
             left = enter_packet(packet, w, b, shape.lower, shape.upper, shape.pad, grid)
             while left != 0:
                 hit_lane(scene, packet, lowest_lane(left), i, shape.mesh)

@@ -37,6 +37,21 @@ def grid_struct(real):
 
 
 @cache
+def trees_struct(real):
+    """A grid whose cells list items, each cell's under a tree of boxes; see tree.py."""
+    return make_struct(
+        "Trees",
+        {
+            "grid": grid_struct(real),  # its items are nodes, those of a cell from its root on; none are stored
+            "gap": wp.array(dtype=wp.uint8),  # [cells]  how many cells it is to one that lists anything
+            "node": wp.array(dtype=wp.int32),  # [32 nodes]
+            "frame_lo": vec3(real),  # lower corner of the frame of cell 0; frames are as far apart as cells
+            "frame_step": vec3(real),  # a frame is STEPS of these long
+        },
+    )
+
+
+@cache
 def mesh_struct(real, has_grid: bool):
     """A triangle mesh in its canonical space: centred, longest half extent in [1/2, 1], by a power of two."""
     fields = {
@@ -44,13 +59,7 @@ def mesh_struct(real, has_grid: bool):
         "corner": wp.array(dtype=real),  # [80 blocks]  see blocks.py; a face without area is three equal points
     }
     if has_grid:
-        fields |= {
-            "grid": grid_struct(real),  # its items are nodes, those of a cell from its root on; none are stored
-            "gap": wp.array(dtype=wp.uint8),  # [cells]  how many cells it is to one that lists anything
-            "node": wp.array(dtype=wp.int32),  # [32 nodes]  see tree.py
-            "frame_lo": vec3(real),  # lower corner of the frame of cell 0; frames are as far apart as cells
-            "frame_step": vec3(real),  # a frame is STEPS of these long
-        }
+        fields["trees"] = trees_struct(real)  # of blocks
     return make_struct("Mesh", fields)
 
 
@@ -82,10 +91,8 @@ def instances_struct(has_grid: bool):
     }
     if has_grid:
         fields |= {
-            "grid": grid_struct(WIDE),
-            "center": wp.vec3d,  # grid and bounds are relative to it
-            "lower": wp.array(dtype=wp.vec3d),  # padded world bounds
-            "upper": wp.array(dtype=wp.vec3d),
+            "trees": trees_struct(WIDE),  # of instances
+            "center": wp.vec3d,  # the grid is relative to it
             "reach": WIDE,  # rays from farther away, whose rounding may exceed the padding, test every instance
         }
     return make_struct("Instances", fields)
@@ -125,11 +132,11 @@ def world_ray_struct():
     return make_struct(
         "WorldRay",
         {
-            "o": wp.vec3d,  # relative to the centre of the grid
+            "o": wp.vec3d,  # relative to the centre of the grid, where the ray enters it
             "d": wp.vec3d,
             "inv_d": wp.vec3d,
             "o_world": wp.vec3d,
-            "t_start": WIDE,
+            "t_start": WIDE,  # where that is
             "t_min": WIDE,
             "t_max": WIDE,
         },

@@ -7,14 +7,15 @@ import warp as wp
 from .blocks import make_face_at
 from .box import enter_box, roots_box
 from .faces import make_face_ray, make_hit_faces, make_in_range, make_reported_from
-from .grid import make_walk, wall
+from .grid import wall
 from .instance import make_enter
-from .memory import int_at, vec3d_at
+from .memory import int_at
 from .plane import root_plane
 from .rounding import is_ray, larger, largest, real_above, rounding_of_sum, safe_reciprocal
 from .spec import ShapeKind, Spec
 from .sphere import roots_sphere
-from .structs import WIDE, face_hit_struct, grid_struct, hit_struct, scene_struct, world_ray_struct
+from .structs import WIDE, face_hit_struct, hit_struct, make_struct, scene_struct, world_ray_struct
+from .tree_walk import make_next_instance, make_start_walk
 
 
 @cache
@@ -109,6 +110,27 @@ def make_primitive_id(spec: Spec):
 
 
 @cache
+def recent_struct():
+    """The instances that a ray was last taken to, as 1 + id, and where the next one goes."""
+    return make_struct("Recent", {"ids": wp.types.vector(8, wp.int32), "next": wp.int32})
+
+
+Recent = recent_struct()
+
+
+@wp.func_native("""
+    for (int k = 0; k < 8; ++k)
+        if (recent.ids[k] == i + 1) return true;
+    recent.ids[recent.next] = i + 1;
+    recent.next = (recent.next + 1) & 7;
+    return false;
+""")
+def was_recent(recent: wp.ref[Recent], i: int) -> bool:
+    """Whether an instance is one of the last eight; then it is. Testing one again would change nothing but the time."""
+    ...
+
+
+@cache
 def make_trace(spec: Spec, any_hit: bool):
     """Closest (or any) hit of a ray. A miss, and what is not a ray, has instance -1."""
     Scene, Ray, Hit = scene_struct(spec), world_ray_struct(), hit_struct()
@@ -155,31 +177,16 @@ def make_trace(spec: Spec, any_hit: bool):
 
         return trace_all
 
-    Grid = grid_struct(WIDE)
+    start_walk, next_instance = make_start_walk(WIDE), make_next_instance()
 
     @wp.func
-    def visit_instances(
-        grid: Grid, scene: Scene, ray: Ray, at: wp.vec3i, cell: int, t_in: WIDE, t_out: WIDE, best: Hit
-    ) -> Hit:
-        k = int_at(grid.start, cell)
-        end = int_at(grid.start, cell + 1)
-        while k < end:
-            i = int_at(grid.item, k)
-            near, far = enter_box(
-                ray.o, ray.inv_d, vec3d_at(scene.instances.lower, i), vec3d_at(scene.instances.upper, i)
-            )
-            entry = larger(near, ray.t_start)
-            # An instance is tested in the one cell where the ray enters its bounds, so once, and front to back.
-            if entry <= far and entry >= t_in and entry < t_out and entry <= best.t:
-                best = hit_instance(scene, ray, i, best)
-            k += 1
-        return best
-
-    walk = make_walk(WIDE, visit_instances)
+    def limit(ray: Ray, best: Hit) -> WIDE:
+        """How far a hit can still be, from where the ray enters the grid."""
+        return real_above(best.t - ray.t_start + rounding_of_sum(best.t, ray.t_start), best.t)
 
     @wp.func
     def hit_listed(scene: Scene, ray: Ray, best: Hit) -> Hit:
-        grid = scene.instances.grid
+        grid = scene.instances.trees.grid
         upper = wp.vec3d(
             wall(grid.lo[0], grid.cell[0], grid.count[0]),
             wall(grid.lo[1], grid.cell[1], grid.count[1]),
@@ -188,7 +195,14 @@ def make_trace(spec: Spec, any_hit: bool):
         near, far = enter_box(ray.o, ray.inv_d, grid.lo, upper)
         ray.t_start = larger(near, ray.t_min)
         if ray.t_start <= far and ray.t_start <= best.t:
-            best = walk(grid, scene, ray, ray.t_start, best)
+            ray.o = ray.o + ray.t_start * ray.d
+            walk = start_walk(grid, ray)
+            recent = Recent()
+            i = next_instance(walk, scene.instances, ray, limit(ray, best))
+            while i >= 0:
+                if not was_recent(recent, i):
+                    best = hit_instance(scene, ray, i, best)
+                i = next_instance(walk, scene.instances, ray, limit(ray, best))
         return best
 
     @wp.func

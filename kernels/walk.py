@@ -4,13 +4,13 @@ from functools import cache
 
 import warp as wp
 
-from .faces import make_face_ray, make_start_walk
+from .faces import make_face_ray
 from .grid import make_walk
 from .instance import make_enter
-from .mesh_walk import make_recorded_slot
 from .rounding import OPTIONS, real_above
 from .spec import ShapeKind, Spec
 from .structs import WIDE, face_ray_struct, grid_struct, scene_struct, trail_end_struct, trail_struct
+from .tree_walk import make_recorded_slot, make_start_walk
 
 
 @cache
@@ -19,7 +19,7 @@ def make_walk_cells(spec: Spec):
     real = spec.real
     Scene, Trail, End = scene_struct(spec), trail_struct(), trail_end_struct(real)
     Grid, FaceRay = grid_struct(real), face_ray_struct(real)
-    enter, face_ray, start_walk = make_enter(spec), make_face_ray(spec), make_start_walk(spec)
+    enter, face_ray, start_walk = make_enter(spec), make_face_ray(spec), make_start_walk(real)
     recorded_slot = make_recorded_slot(real)
 
     @wp.func
@@ -61,7 +61,7 @@ def make_walk_cells(spec: Spec):
             local = enter(scene, i, o, d, WIDE(0.0), t_max)
             if local.is_hit:
                 end.t = real_above(t_max * local.inv_scale - local.start, end.t)
-                grid, ray = scene.mesh[shape.mesh].grid, face_ray(local, WIDE(0.0), t_max)
+                grid, ray = scene.mesh[shape.mesh].trees.grid, face_ray(local, WIDE(0.0), t_max)
                 if trail.cell.shape[0] > 0:
                     end.next = first_looked[i]
                     looking = start_walk(grid, ray)

@@ -486,15 +486,30 @@ def test_resolution_lists_faces_in_few_cells_on_average(device, rng):
 
 
 def list_boxes(lower, upper, chosen, lo, hi, count, device):
-    """Cells of each of the chosen boxes."""
+    """(cells of each of the chosen boxes, walls, {(box, cell): bounds})."""
     cells, walls = grid_over(np.array(lo, dtype=float), hi, count, wp.float64)
+    size = np.array(cells.cell)
+    frame, step = np.array(cells.lo) - 1e-3, (size + 2e-3) * 1.0001 / STEPS
+    stored = []
+
+    def outputs(pairs):
+        stored[:] = (wp.zeros(n * pairs, dtype=wp.int32, device=device) for n in (1, 6))
+        return stored
+
     arguments = [
         wp.array(np.asarray(lower, dtype=np.float64), dtype=wp.vec3d, device=device),
         wp.array(np.asarray(upper, dtype=np.float64), dtype=wp.vec3d, device=device),
         wp.array(np.asarray(chosen), dtype=wp.int32, device=device),
+        wp.vec3d(*frame),
+        wp.vec3d(*step),
     ]
-    start, item, _ = lists(build.list_boxes, cells, arguments, len(chosen), device)
-    return cells_by_item(start, item, count), walls
+    start, pair, _ = lists(build.list_boxes, cells, arguments, len(chosen), device, outputs)
+    box, steps = stored[0].numpy()[pair], stored[1].numpy().reshape(-1, 6)[pair]
+    number = np.repeat(np.arange(len(start) - 1), np.diff(start))
+    cell = np.stack(np.unravel_index(number, count), axis=1)
+    bounds = np.tile(frame + cell * size, 2) + steps * np.tile(step, 2)
+    keys = zip(box.tolist(), (tuple(c) for c in cell.tolist()), strict=True)
+    return cells_by_item(start, box, count), walls, dict(zip(keys, bounds, strict=True))
 
 
 def test_boxes_are_listed_in_the_cells_they_overlap(device, rng):
@@ -502,7 +517,7 @@ def test_boxes_are_listed_in_the_cells_they_overlap(device, rng):
     center, half = rng.uniform(-1, 1, (60, 3)), rng.uniform(0, 0.5, (60, 3))
     lower, upper = center - half, center + half
     chosen = np.sort(rng.permutation(60)[:40])
-    found, walls = list_boxes(lower, upper, chosen, (-1.6, -1.6, -1.6), (1.6, 1.6, 1.6), count, device)
+    found, walls, bounds = list_boxes(lower, upper, chosen, (-1.6, -1.6, -1.6), (1.6, 1.6, 1.6), count, device)
     assert set(found) == set(chosen.tolist())
     # Of the index, (p - lo) / cell: four roundings of at most 3.2; boxes come padded by more.
     slack = Fraction(16 * roundoff(wp.float64))
@@ -517,6 +532,14 @@ def test_boxes_are_listed_in_the_cells_they_overlap(device, rng):
             return set(product(*ranges))
 
         assert overlapped(-slack) <= found[int(k)] <= overlapped(slack)
+    for (k, cell), box in bounds.items():
+        low, high = (np.array([float(walls[a][cell[a] + side]) for a in range(3)]) for side in (0, 1))
+        inside_low, inside_high = np.maximum(lower[k], low), np.minimum(upper[k], high)
+        # Round what of the box lies in the cell, by no more than the frame's margin and a step or two.
+        assert (box[:3] <= inside_low).all()
+        assert (box[3:] >= inside_high).all()
+        assert (box[:3] >= inside_low - 1.2e-3).all()
+        assert (box[3:] <= inside_high + 1.2e-3).all()
 
 
 @pytest.mark.parametrize(
@@ -530,7 +553,7 @@ def test_boxes_are_listed_in_the_cells_they_overlap(device, rng):
     ],
 )
 def test_box_is_listed_in_each_of_its_cells(lower, upper, cells, device):
-    found, _ = list_boxes([(0, 0, 0), lower], [(0, 0, 0), upper], [1], (0, 0, 0), (2, 3, 4), (2, 3, 4), device)
+    found, *_ = list_boxes([(0, 0, 0), lower], [(0, 0, 0), upper], [1], (0, 0, 0), (2, 3, 4), (2, 3, 4), device)
     assert found == {1: cells}
 
 

@@ -28,11 +28,11 @@ class DeviceScene:
 
     def grids(self) -> list:
         """The grid of each mesh, as kernels take it."""
-        return [mesh.lists.struct for mesh in self.meshes]
+        return [mesh.trees.struct.grid for mesh in self.meshes]
 
     def steps_across(self) -> np.ndarray:
         """(instances,) int64: the most cells of its mesh's grid that a ray can pass; 0 for other shapes."""
-        steps = np.array([sum(mesh.lists.count) + 3 for mesh in self.meshes] + [0], dtype=np.int64)
+        steps = np.array([sum(mesh.trees.count) + 3 for mesh in self.meshes] + [0], dtype=np.int64)
         return steps[self.mesh_number[self.placements.shape]]
 
     @property

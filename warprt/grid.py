@@ -8,7 +8,7 @@ import warp as wp
 
 from warprt.kernels import block_build, build
 from warprt.kernels.blocks import BLOCK_SIZE, LANES
-from warprt.kernels.structs import grid_struct
+from warprt.kernels.structs import grid_struct, trees_struct
 from warprt.kernels.tree import MOST_LEVELS, NODE_WORDS, STEPS
 
 from .launch import default_threads, launch, load
@@ -42,20 +42,6 @@ def resolution(extent: np.ndarray, cells: float) -> tuple[int, int, int]:
         active &= ~is_thin
     nx, ny, nz = (int(n) for n in count)
     return nx, ny, nz
-
-
-@dataclass
-class CellLists:
-    """A grid on a device, as kernels take it, with the arrays that it points to."""
-
-    struct: object
-    count: tuple[int, int, int]
-    arrays: tuple[wp.array, ...]
-
-    @property
-    def bytes(self) -> int:
-        """Device memory in use."""
-        return sum(array.size * wp.types.type_size_in_bytes(array.dtype) for array in self.arrays)
 
 
 def make_grid(lower: np.ndarray, upper: np.ndarray, count: tuple[int, int, int], real: type):
@@ -120,16 +106,6 @@ def list_pairs(grid, count: tuple[int, int, int], kernel: wp.Kernel, items: int,
     return Pairs(total, start, number)
 
 
-def build_box_grid(
-    lower: wp.array, upper: wp.array, boxes: wp.array, lo: np.ndarray, hi: np.ndarray, count: tuple[int, int, int]
-) -> CellLists:
-    """A grid over some of the given boxes, which are padded already."""
-    grid = make_grid(lo, hi, count, wp.float64)
-    pairs = list_pairs(grid, count, build.list_boxes, boxes.size, [lower, upper, boxes], lambda total: ())
-    grid.start, grid.item = pairs.start, wp.clone(pairs.number[: pairs.total])
-    return CellLists(grid, count, (grid.start, grid.item))
-
-
 @dataclass
 class Faces:
     """A user's faces on a device, and the canonical space to which their vertices are taken."""
@@ -184,19 +160,18 @@ def auto_resolution(faces: Faces, extent: np.ndarray) -> tuple[int, int, int]:
 
 
 @dataclass
-class BlockTrees:
-    """A grid on a device whose cells list blocks, each under a tree of boxes, see kernels/tree.py."""
+class Trees:
+    """A grid on a device whose cells list items, each cell's under a tree of boxes; see kernels/tree.py."""
 
-    lists: CellLists
-    node: wp.array
-    gap: wp.array
-    frame_lo: np.ndarray
-    frame_step: np.ndarray
+    count: tuple[int, int, int]
+    """Cells along x, y, z."""
+    struct: object
+    """As kernels take it."""
 
     @property
     def bytes(self) -> int:
         """Device memory in use."""
-        return self.lists.bytes + 4 * self.node.size + self.gap.size
+        return 4 * self.struct.grid.start.size + self.struct.gap.size + 4 * self.struct.node.size
 
 
 def gaps(start: wp.array, count: tuple[int, int, int]) -> wp.array:
@@ -212,38 +187,57 @@ def gaps(start: wp.array, count: tuple[int, int, int]) -> wp.array:
     return gap
 
 
-def build_block_trees(
-    corner: wp.array, lower: np.ndarray, upper: np.ndarray, count: tuple[int, int, int], pad: float, real: type
-) -> BlockTrees:
-    """Lists blocks in the cells of a grid."""
-    device, cells, dtype = corner.device, math.prod(count), wp.dtype_to_numpy(real)
-    grid = make_grid(lower, upper, count, real)
-    # A frame is a cell, with its padding and a little more.
-    frame_lo = (np.array(grid.lo) - 3 * pad).astype(dtype)
-    frame_step = ((np.array(grid.cell) + 6 * pad) * (1.0001 / STEPS)).astype(dtype)
+def build_trees(grid, count: tuple[int, int, int], kernel: wp.Kernel, items: int, inputs: list, margin: float) -> Trees:
+    """Lists items in the cells of a grid, and makes the tree of each cell.
+
+    `kernel` lists them, given the grid, its inputs, and the frames of the cells, which are wider by `margin` all round.
+    """
+    device, cells, real = inputs[0].device, math.prod(count), grid.lo._wp_scalar_type_
+    dtype = wp.dtype_to_numpy(real)
+    trees = trees_struct(real)()
+    trees.grid = grid
+    # A little more, for the rounding of a step.
+    trees.frame_lo = (np.array(grid.lo) - margin).astype(dtype)
+    trees.frame_step = ((np.array(grid.cell) + 2 * margin) * (1.0001 / STEPS)).astype(dtype)
     stored: list[wp.array] = []
 
     def outputs(total: int) -> list[wp.array]:
         stored[:] = (empty(n * total, wp.int32, device) for n in (1, 6))
         return stored
 
-    inputs = [corner, wp.float64(pad), *(wp.vec3d(*v.astype(np.float64)) for v in (frame_lo, frame_step))]
-    pairs = list_pairs(grid, count, build.make_list_blocks(real), corner.size // BLOCK_SIZE, inputs, outputs)
+    frames = [wp.vec3d(*(float(x) for x in v)) for v in (trees.frame_lo, trees.frame_step)]
+    pairs = list_pairs(grid, count, kernel, items, [*inputs, *frames], outputs)
     start = empty(cells + 1, wp.int32, device)
     most_levels = wp.zeros(1, dtype=wp.int32, device=device)
     load(build.count_nodes, device)
     wp.launch(build.count_nodes, dim=cells, inputs=[pairs.start, start, most_levels], device=device)
     wp.utils.array_scan(start, start, inclusive=True)
     nodes = int(start[cells:].numpy()[0])
-    node = empty(NODE_WORDS * nodes, wp.int32, device)
     levels = int(most_levels.numpy()[0])
     if levels > MOST_LEVELS:
-        raise MemoryError(
-            "a cell of a grid of {} x {} x {} cells lists too many faces; choose more cells".format(*count)
-        )
+        name = "a grid of {} x {} x {} cells".format(*count)
+        raise MemoryError(f"a cell of {name} lists more than {8**MOST_LEVELS} items; choose more cells")
+    trees.node = empty(NODE_WORDS * nodes, wp.int32, device)
     for level in range(1, levels + 1):
         # Each level is made from the one below.
-        inputs = [level, pairs.start, pairs.number, *stored, start, node]
+        inputs = [level, pairs.start, pairs.number, *stored, start, trees.node]
         launch(build.fill_nodes, nodes, inputs, device, default_threads())
-    grid.start = start
-    return BlockTrees(CellLists(grid, count, (start,)), node, gaps(start, count), frame_lo, frame_step)
+    trees.grid.start, trees.gap = start, gaps(start, count)
+    return Trees(count, trees)
+
+
+def build_block_trees(
+    corner: wp.array, lower: np.ndarray, upper: np.ndarray, count: tuple[int, int, int], pad: float, real: type
+) -> Trees:
+    """Trees of blocks, whose cells and bounds are widened by `pad`."""
+    grid, kernel = make_grid(lower, upper, count, real), build.make_list_blocks(real)
+    return build_trees(grid, count, kernel, corner.size // BLOCK_SIZE, [corner, wp.float64(pad)], 3 * pad)
+
+
+def build_box_trees(
+    lower: wp.array, upper: wp.array, boxes: wp.array, lo: np.ndarray, hi: np.ndarray, count: tuple, pad: float
+) -> Trees:
+    """Trees of some of the given boxes, which are padded already."""
+    return build_trees(
+        make_grid(lo, hi, count, wp.float64), count, build.list_boxes, boxes.size, [lower, upper, boxes], pad
+    )

@@ -11,7 +11,7 @@ from warprt.kernels.spec import ShapeKind
 from warprt.kernels.structs import mesh_struct
 
 from . import checks
-from .grid import BlockTrees, CellLists, Faces, auto_resolution, build_block_trees, build_blocks
+from .grid import Faces, Trees, auto_resolution, build_block_trees, build_blocks
 from .shapes import Canonical, power_of_two_above
 from .typing import ArrayLike
 
@@ -131,34 +131,28 @@ class DeviceMesh:
             canonical.scale,
         )
         self._corner = build_blocks(faces, real)
-        self._trees: BlockTrees | None = None
+        self.trees: Trees | None = None
         if has_grid:
             pad = PAD_ROUNDINGS * float(np.finfo(wp.dtype_to_numpy(real)).eps) / 2
             lower, upper = canonical.lower - 2 * pad, canonical.upper + 2 * pad
             count = mesh.grid or (1, 1, 1)
             if count == "auto":
                 count = auto_resolution(faces, upper - lower)
-            self._trees = build_block_trees(self._corner, lower, upper, count, pad, real)
-
-    @property
-    def lists(self) -> CellLists | None:
-        """The grid, where there is one."""
-        return self._trees and self._trees.lists
+            self.trees = build_block_trees(self._corner, lower, upper, count, pad, real)
 
     def struct(self):
         """The mesh as kernels take it."""
-        mesh = mesh_struct(self._real, self._trees is not None)()
+        mesh = mesh_struct(self._real, self.trees is not None)()
         mesh.block_count, mesh.corner = self._corner.size // BLOCK_SIZE, self._corner
-        if self._trees is not None:
-            mesh.grid, mesh.node, mesh.gap = self._trees.lists.struct, self._trees.node, self._trees.gap
-            mesh.frame_lo, mesh.frame_step = self._trees.frame_lo, self._trees.frame_step
+        if self.trees is not None:
+            mesh.trees = self.trees.struct
         return mesh
 
     @property
     def bytes(self) -> int:
         """Device memory in use."""
         corners = self._corner.size * wp.types.type_size_in_bytes(self._real)
-        return corners + (self._trees.bytes if self._trees else 0)
+        return corners + (self.trees.bytes if self.trees else 0)
 
 
 def _rows(value: ArrayLike, width: int, name: str, count: int | None = None) -> np.ndarray:

@@ -6,12 +6,12 @@ import warp as wp
 from warprt.kernels.spec import ShapeKind
 
 from . import checks
-from .grid import CellLists, build_box_grid, resolution
+from .grid import Trees, build_box_trees, resolution
 from .scene import Instance, Scene
 from .transform import affine, inverse_linear
 from .typing import ArrayLike
 
-CELLS_PER_INSTANCE = 2.0
+CELLS_PER_INSTANCE = 0.5
 """Cells of the grid over instances, for each of them."""
 FEWEST_LISTED = 16
 """With fewer bounded instances than this, testing each is as fast as a grid."""
@@ -68,13 +68,13 @@ class Placements:
     @property
     def has_grid(self) -> bool:
         """Whether instances are found through a grid."""
-        return self.lists is not None
+        return self.trees is not None
 
     @property
     def bytes(self) -> int:
         """Device memory in use."""
         arrays = sum(a.capacity for a in self._arrays.values())
-        return arrays + (self.lists.bytes if self.lists else 0)
+        return arrays + (self.trees.bytes if self.trees else 0)
 
     def struct(self, struct_type):
         """The placements as kernels take them."""
@@ -82,8 +82,8 @@ class Placements:
         instances.count, instances.loose_count = self.count, self.loose_count
         for name, array in self._arrays.items():
             setattr(instances, name, array)
-        if self.lists:
-            instances.grid = self.lists.struct
+        if self.trees:
+            instances.trees = self.trees.struct
             instances.center = self._center
             instances.reach = self._reach
         return instances
@@ -131,7 +131,7 @@ class Placements:
 
     def _list(self) -> None:
         """Chooses what the grid lists, and builds it."""
-        self.lists: CellLists | None = None
+        self.trees: Trees | None = None
         listed = np.flatnonzero(np.isfinite(self.lower[:, 0]))
         is_worth_it = self._is_grid_wanted and len(listed) >= FEWEST_LISTED
         if is_worth_it:
@@ -176,11 +176,10 @@ class Placements:
             wp.array(bound - self._center + sign * pad, dtype=wp.vec3d, device=self.device)
             for bound, sign in ((self.lower, -1), (self.upper, 1))
         ]
-        self._arrays["lower"], self._arrays["upper"] = boxes
         ids = wp.array(listed.astype(np.int32), dtype=wp.int32, device=self.device)
         lo, hi = lower - self._center - 4 * pad, upper - self._center + 4 * pad
         count = self._resolution(listed, hi - lo)
-        self.lists = build_box_grid(*boxes, ids, lo, hi, count)
+        self.trees = build_box_trees(*boxes, ids, lo, hi, count, pad)
 
 
 def _matrices(item) -> np.ndarray:

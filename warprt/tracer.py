@@ -84,7 +84,7 @@ class Tracer:
 
     def mesh_grids(self) -> list[tuple[int, int, int]]:
         """Cells along x, y, z of the grid over each mesh, in order of appearance; none with accelerator="none"."""
-        return [mesh.lists.count for mesh in self._device_scene.meshes if mesh.lists is not None]
+        return [mesh.trees.count for mesh in self._device_scene.meshes if mesh.trees is not None]
 
     def cast(
         self,

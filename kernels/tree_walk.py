@@ -1,7 +1,8 @@
-"""The walk of a ray through one mesh, as native code: it returns, one by one, the triangles that may be hit.
+"""The walk of a ray through a grid of trees, as native code: it returns, one by one, what may be hit.
 
-The 3D-DDA of grid.py, the tree of boxes in each cell and the filter of triangles, with all that they know held in
-registers; Warp's code decides what it returns. On a CPU eight boxes or triangles are one vector, on a GPU a loop.
+The 3D-DDA of grid.py, the tree of boxes in each cell and, in a mesh, the filter of triangles, with all that they know
+held in registers; Warp's code decides what it returns. On a CPU eight boxes or triangles are one vector, on a GPU a
+loop.
 """
 
 from functools import cache
@@ -9,35 +10,40 @@ from functools import cache
 import warp as wp
 
 from .blocks import CANDIDATES, native_code
-from .structs import face_ray_struct, make_struct, mesh_struct
+from .generic import Struct
+from .grid import cell_of, step_of, wall_t
+from .structs import (
+    WIDE,
+    face_ray_struct,
+    grid_struct,
+    instances_struct,
+    make_struct,
+    mesh_struct,
+    world_ray_struct,
+)
 from .tree import BOXES_MET, MOST_ENTRIES
 
 JUMP = 4
 """An empty cell this far from any other kind is jumped off; nearer ones are cheaper to step through (measured)."""
 
-NEXT_SLOT = """
-    const auto& mesh = meshes.data[m];
+NEXT = """
     const auto& o = ray.o;
     const auto& inv_d = ray.inv_d;
-    const auto& lo = mesh.grid.lo;
-    const auto& size = mesh.grid.cell;
-    const int ny = mesh.grid.count[1], nz = mesh.grid.count[2];
+    const auto& lo = trees.grid.lo;
+    const auto& size = trees.grid.cell;
+    const int ny = trees.grid.count[1], nz = trees.grid.count[2];
     const int ahead_x = !(inv_d[0] < 0), ahead_y = !(inv_d[1] < 0), ahead_z = !(inv_d[2] < 0);
     const REAL dq[3] = {
-        mesh.frame_step[0] * inv_d[0], mesh.frame_step[1] * inv_d[1], mesh.frame_step[2] * inv_d[2]
+        trees.frame_step[0] * inv_d[0], trees.frame_step[1] * inv_d[1], trees.frame_step[2] * inv_d[2]
     };
-    const int kx = ray.kx, ky = ray.ky, kz = ray.kz;
-    const REAL ox = ray.ox, oy = ray.oy, oz = ray.oz, sx = ray.sx, sy = ray.sy;
-    const auto& corner = mesh.corner;
-    const auto& node = mesh.node;
-    const auto candidates = [&](int block) -> int { CANDIDATES };
+    const auto& node = trees.node;
     REAL base[3];
     const auto boxes_met = [&](int k, float* entered) -> int { BOXES_MET };
     const auto wall_t = [&](int axis, int k) { return ((lo[axis] + (REAL)k * size[axis]) - o[axis]) * inv_d[axis]; };
     const auto set_base = [&](int x, int y, int z) {
-        base[0] = ((mesh.frame_lo[0] + (REAL)x * size[0]) - o[0]) * inv_d[0];
-        base[1] = ((mesh.frame_lo[1] + (REAL)y * size[1]) - o[1]) * inv_d[1];
-        base[2] = ((mesh.frame_lo[2] + (REAL)z * size[2]) - o[2]) * inv_d[2];
+        base[0] = ((trees.frame_lo[0] + (REAL)x * size[0]) - o[0]) * inv_d[0];
+        base[1] = ((trees.frame_lo[1] + (REAL)y * size[1]) - o[1]) * inv_d[1];
+        base[2] = ((trees.frame_lo[2] + (REAL)z * size[2]) - o[2]) * inv_d[2];
     };
     const auto lowest = [](int mask) {
 #if !defined(__CUDA_ARCH__)
@@ -47,8 +53,13 @@ NEXT_SLOT = """
 #endif
     };
 
+    SETUP
     int x = walk.x, y = walk.y, z = walk.z, block = walk.block, left = walk.left, depth = walk.depth;
     REAL tx = walk.tx, ty = walk.ty, tz = walk.tz;
+    const auto keep = [&](int depth, int left) {
+        walk.x = x, walk.y = y, walk.z = z, walk.block = block, walk.depth = depth, walk.left = left;
+        walk.tx = tx, walk.ty = ty, walk.tz = tz;
+    };
     if (depth > 0) set_base(x, y, z);
     for (;;) {
         // What is left of the present cell.
@@ -59,10 +70,7 @@ NEXT_SLOT = """
             memcpy(&near, &bits, 4);
             if (near > t_max) continue;
             if (item >= 0) {
-                block = item;
-                left = candidates(block);
-                TESTED
-                continue;
+                FOUND
             }
             float entered[8];
             const int* child = node.data + 32 * (size_t)(-2 - item) + 24;
@@ -74,20 +82,14 @@ NEXT_SLOT = """
                 // Not beyond the entry, also where float32 rounds it up.
                 key -= sizeof(REAL) > 4 && key > 0;
                 const wp::int64 entry = ((wp::int64)key << 32) | (unsigned int)child[lane];
-#if !defined(__CUDA_ARCH__)
-                const char* ahead = child[lane] >= 0 ? (const char*)(corner.data + 80 * (size_t)child[lane])
-                                                     : (const char*)(node.data + 32 * (size_t)(-2 - child[lane]));
-                for (int line = 0; line < (child[lane] >= 0 ? 5 : 2); ++line) __builtin_prefetch(ahead + 64 * line);
-#endif
+                AHEAD
                 int i = depth++;
                 for (; i > first && walk.entry[i - 1] < entry; --i) walk.entry[i] = walk.entry[i - 1];
                 walk.entry[i] = entry;
             }
         }
         if (left != 0) {
-            walk.x = x, walk.y = y, walk.z = z, walk.block = block, walk.depth = depth;
-            walk.tx = tx, walk.ty = ty, walk.tz = tz;
-            walk.left = left & (left - 1);
+            keep(depth, left & (left - 1));
             return 8 * block + lowest(left);
         }
         // The next cell that lists anything.
@@ -100,7 +102,7 @@ NEXT_SLOT = """
                 int to[3];
                 REAL t_wall[3];
                 for (int axis = 0; axis < 3; ++axis) {
-                    const int most = mesh.grid.count[axis] - 1;
+                    const int most = trees.grid.count[axis] - 1;
                     const int far = from[axis] + (ahead[axis] ? gap - 1 : 1 - gap);
                     to[axis] = far < 0 ? 0 : far > most ? most : far;
                     t_wall[axis] = wall_t(axis, to[axis] + ahead[axis]);
@@ -112,10 +114,10 @@ NEXT_SLOT = """
                 for (int axis = 0; axis < 3; ++axis) {
                     if (axis == exit) {
                         to[axis] += 2 * ahead[axis] - 1;
-                        if ((unsigned int)to[axis] >= (unsigned int)mesh.grid.count[axis]) return -1;
+                        if ((unsigned int)to[axis] >= (unsigned int)trees.grid.count[axis]) return -1;
                     } else {
                         // Never backwards, nor beyond what is known to be empty, however the position is rounded.
-                        const REAL at = ((o[axis] + t_out * ray.d[axis]) - lo[axis]) * mesh.grid.inv_cell[axis];
+                        const REAL at = ((o[axis] + t_out * ray.d[axis]) - lo[axis]) * trees.grid.inv_cell[axis];
                         const int least = from[axis] < to[axis] ? from[axis] : to[axis];
                         const int most = from[axis] < to[axis] ? to[axis] : from[axis];
                         to[axis] = at < (REAL)least ? least : at >= (REAL)most ? most : (int)at;
@@ -128,7 +130,7 @@ NEXT_SLOT = """
                 if (t_max <= t_out) return -1;
                 if (tx == t_out) {
                     x += 2 * ahead_x - 1;
-                    if ((unsigned int)x >= (unsigned int)mesh.grid.count[0]) return -1;
+                    if ((unsigned int)x >= (unsigned int)trees.grid.count[0]) return -1;
                     tx = wall_t(0, x + ahead_x);
                 } else if (ty == t_out) {
                     y += 2 * ahead_y - 1;
@@ -142,11 +144,11 @@ NEXT_SLOT = """
             }
             block = -1;
             cell = (x * ny + y) * nz + z;
-            gap = mesh.gap.data[cell];
+            gap = trees.gap.data[cell];
             LOOKED
         } while (gap > 0);
         set_base(x, y, z);
-        walk.entry[0] = (wp::int64)(unsigned int)(-2 - mesh.grid.start.data[cell]);
+        walk.entry[0] = (wp::int64)(unsigned int)(-2 - trees.grid.start.data[cell]);
         depth = 1;
     }
 """
@@ -173,9 +175,82 @@ def walk_struct(real):
     )
 
 
-def _code(real, looked: str, tested: str) -> str:
-    code = NEXT_SLOT.replace("CANDIDATES", CANDIDATES).replace("BOXES_MET", BOXES_MET)
-    return native_code(code.replace("JUMP", str(JUMP)).replace("LOOKED", looked).replace("TESTED", tested), real)
+SETUP_SLOT = """
+    const int kx = ray.kx, ky = ray.ky, kz = ray.kz;
+    const REAL ox = ray.ox, oy = ray.oy, oz = ray.oz, sx = ray.sx, sy = ray.sy;
+    const auto& corner = meshes.data[m].corner;
+    const auto candidates = [&](int block) -> int { CANDIDATES };
+"""
+
+FOUND_SLOT = """
+                block = item;
+                left = candidates(block);
+                TESTED
+                continue;
+"""
+
+AHEAD_SLOT = """
+#if !defined(__CUDA_ARCH__)
+                const char* ahead = child[lane] >= 0 ? (const char*)(corner.data + 80 * (size_t)child[lane])
+                                                     : (const char*)(node.data + 32 * (size_t)(-2 - child[lane]));
+                for (int line = 0; line < (child[lane] >= 0 ? 5 : 2); ++line) __builtin_prefetch(ahead + 64 * line);
+#endif
+"""
+
+FOUND_ITEM = """
+                keep(depth, 0);
+                return item;
+"""
+
+
+def _code(real, trees: str, parts: dict[str, str]) -> str:
+    """The walk through `trees`, with the parts that depend on what is listed."""
+    code = f"    const auto& trees = {trees};\n" + NEXT
+    for name, part in parts.items():
+        code = code.replace(name, part)
+    return native_code(code.replace("BOXES_MET", BOXES_MET).replace("JUMP", str(JUMP)), real)
+
+
+def _slot_code(real, looked: str, tested: str) -> str:
+    setup, found = SETUP_SLOT.replace("CANDIDATES", CANDIDATES), FOUND_SLOT.replace("TESTED", tested)
+    parts = {"SETUP": setup, "FOUND": found, "AHEAD": AHEAD_SLOT, "LOOKED": looked}
+    return _code(real, "meshes.data[m].trees", parts)
+
+
+@cache
+def make_start_walk(real):
+    """A walk through a grid that begins where the ray does."""
+    Grid, Walk = grid_struct(real), walk_struct(real)
+
+    @wp.func
+    def start_walk(grid: Grid, ray: Struct) -> Walk:
+        at = cell_of(ray.o, grid.lo, grid.inv_cell, grid.count)
+        walk = Walk()
+        walk.x = at[0]
+        walk.y = at[1]
+        walk.z = at[2]
+        _step_x, ahead_x = step_of(ray.inv_d[0])
+        _step_y, ahead_y = step_of(ray.inv_d[1])
+        _step_z, ahead_z = step_of(ray.inv_d[2])
+        walk.tx = wall_t(grid.lo[0], grid.cell[0], at[0] + ahead_x, ray.o[0], ray.inv_d[0])
+        walk.ty = wall_t(grid.lo[1], grid.cell[1], at[1] + ahead_y, ray.o[1], ray.inv_d[1])
+        walk.tz = wall_t(grid.lo[2], grid.cell[2], at[2] + ahead_z, ray.o[2], ray.inv_d[2])
+        walk.block = -2
+        return walk
+
+    return start_walk
+
+
+@cache
+def make_next_instance():
+    """The next instance whose box the ray meets with t <= t_max, or -1: once for each cell that lists it."""
+    Walk, Instances, Ray = walk_struct(WIDE), instances_struct(True), world_ray_struct()
+    parts = {"SETUP": "", "FOUND": FOUND_ITEM, "AHEAD": "", "LOOKED": ""}
+
+    @wp.func_native(_code(WIDE, "instances.trees", parts))
+    def next_instance(walk: wp.ref[Walk], instances: wp.ref[Instances], ray: wp.ref[Ray], t_max: WIDE) -> int: ...
+
+    return next_instance
 
 
 @cache
@@ -183,7 +258,7 @@ def make_next_slot(real):
     """The next triangle, by its slot, that the ray may hit with t <= t_max, or -1: roughly front to back."""
     Walk, Mesh, FaceRay = walk_struct(real), mesh_struct(real, True), face_ray_struct(real)
 
-    @wp.func_native(_code(real, "", ""))
+    @wp.func_native(_slot_code(real, "", ""))
     def next_slot(
         walk: wp.ref[Walk], meshes: wp.array(dtype=Mesh), m: int, ray: wp.ref[FaceRay], t_max: real
     ) -> int: ...
@@ -197,7 +272,7 @@ def make_recorded_slot(real):
     Walk, Mesh, FaceRay = walk_struct(real), mesh_struct(real, True), face_ray_struct(real)
     looked = "looked.data[walk.looked] = cell; tested.data[walk.looked++] = 0;"
 
-    @wp.func_native(_code(real, looked, "tested.data[walk.looked - 1] += 8;"))
+    @wp.func_native(_slot_code(real, looked, "tested.data[walk.looked - 1] += 8;"))
     def recorded_slot(
         walk: wp.ref[Walk],
         meshes: wp.array(dtype=Mesh),
