@@ -9,10 +9,12 @@ from warprt.files import require_writable
 from warprt.launch import default_threads
 from warprt.mesh_files import read_mesh
 
-from . import machine, meshes, rates, report
+from . import instances, machine, meshes, rates, report, scaling, specialisation
 
 SIZES = (10_000, 100_000, 1_000_000)
 QUICK_SIZES = (10_000, 100_000)
+SCALING_SIZES = (10_000, 100_000, 1_000_000, 10_000_000)
+INSTANCE_COUNTS = (100, 10_000, 100_000)
 
 
 def load(path: str) -> meshes.Triangles:
@@ -44,15 +46,40 @@ def run(options) -> None:
             require_writable(path)
     threads = options.threads or default_threads()
     size, rounds = options.size or (192 if options.quick else 512), 7 if options.quick else 9
-    makers = chosen(options.mesh, options.subdivide, options.field, options.quick)
-    accuracies = ["robust"] if options.quick else ["robust", "double"]
-    results = {}
-    for name in tqdm(makers, disable=None, leave=False, desc="bench"):
-        results[name] = rates.measure(makers[name](), size, rounds, threads, accuracies)
-    about = {**machine.about("cpu"), "threads": threads, "rounds": rounds}
-    print(f"{about['device']}, {threads} thread(s); ratios: medians of {rounds} rounds, above 1 ours is faster")
-    print(report.table(results))
+    about = {**machine.about("cpu"), "topic": options.topic, "threads": threads, "rounds": rounds}
+    print(f"{about['device']}, {threads} thread(s); medians of {rounds} alternating rounds")
+    results, table, draw = TOPICS[options.topic](options, size, rounds, threads)
+    print(table(results))
     if options.output:
         report.save(options.output, about, results)
     if options.plot:
-        report.plot(options.plot, about, results)
+        if draw is None:
+            raise ValueError(f"there is no plot of {options.topic}")
+        report.plot(options.plot, about, results, draw)
+
+
+def _rates(options, size: int, rounds: int, threads: int):
+    makers = chosen(options.mesh, options.subdivide, options.field, options.quick)
+    accuracies = ["robust"] if options.quick else ["robust", "double"]
+    bar = tqdm(makers, disable=None, leave=False, desc="bench")
+    results = {name: rates.measure(makers[name](), size, rounds, threads, accuracies) for name in bar}
+    return results, report.table, report.draw_ratios
+
+
+def _scaling(options, size: int, rounds: int, threads: int):
+    sizes = QUICK_SIZES if options.quick else SCALING_SIZES
+    return scaling.measure(sizes, size, rounds, threads), scaling.table, scaling.draw
+
+
+def _instances(options, size: int, rounds: int, threads: int):
+    mesh = load(options.mesh[0]) if options.mesh else meshes.blob(70_000)
+    counts = INSTANCE_COUNTS[:2] if options.quick else INSTANCE_COUNTS
+    return instances.measure(mesh, counts, size, rounds, threads), instances.table, None
+
+
+def _specialisation(options, size: int, rounds: int, threads: int):
+    return specialisation.measure(size, rounds, threads), specialisation.table, None
+
+
+TOPICS = {"rates": _rates, "scaling": _scaling, "instances": _instances, "specialisation": _specialisation}
+"""What can be measured: functions that give (results, table of them, drawing of them or None)."""

@@ -1,6 +1,7 @@
 """Results as a table, as a file and as a plot."""
 
 import json
+from collections.abc import Callable
 from pathlib import Path
 
 from warprt.files import write_whole
@@ -28,8 +29,8 @@ def save(path: Path, about: dict, results: dict) -> None:
     write_whole(path, lambda file: file.write(text.encode()))
 
 
-def plot(path: Path, about: dict, results: dict) -> None:
-    """Bars of our rate over that of each peer, one panel for each kind of rays."""
+def plot(path: Path, about: dict, results: dict, draw: Callable) -> None:
+    """Writes a picture: draw(figure, about, results)."""
     try:
         import matplotlib
     except ImportError:
@@ -37,10 +38,18 @@ def plot(path: Path, about: dict, results: dict) -> None:
     matplotlib.use("agg")
     from matplotlib import pyplot as plt
 
+    figure = plt.figure()
+    draw(figure, about, results)
+    write_whole(path, lambda file: figure.savefig(file, dpi=110, format="png"))
+    plt.close(figure)
+
+
+def draw_ratios(figure, about: dict, results: dict) -> None:
+    """Bars of our rate over that of each peer, one panel for each kind of rays."""
     kinds = list(dict.fromkeys(kind for mesh in results.values() for kind in mesh["rays"]))
-    figure, axes = plt.subplots(1, len(kinds), figsize=(3.4 * len(kinds), 0.42 * len(results) + 2), sharey=True)
-    axes = [axes] if len(kinds) == 1 else list(axes)
-    for panel, kind in zip(axes, kinds, strict=True):
+    figure.set_size_inches(3.4 * len(kinds), 0.42 * len(results) + 2)
+    panels = figure.subplots(1, len(kinds), sharey=True, squeeze=False)[0]
+    for panel, kind in zip(panels, kinds, strict=True):
         meshes = [name for name, mesh in results.items() if kind in mesh["rays"]]
         peers = [name for name in results[meshes[0]]["rays"][kind]["ratio"] if not name.startswith("warprt")]
         for k, peer in enumerate(peers):
@@ -52,10 +61,8 @@ def plot(path: Path, about: dict, results: dict) -> None:
         panel.set_title(f"{kind} rays")
         panel.set_xlabel("times the peer's rate")
         panel.spines[["top", "right"]].set_visible(False)
-    axes[0].invert_yaxis()
-    handles, labels = axes[0].get_legend_handles_labels()
+    panels[0].invert_yaxis()
+    handles, labels = panels[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="lower center", ncols=len(labels), frameon=False)
     figure.suptitle(f"warprt robust against its peers, {about['threads']} thread(s), {about['device']}", fontsize=11)
     figure.tight_layout(rect=(0, 0.06, 1, 1))
-    write_whole(path, lambda file: figure.savefig(file, dpi=110, format="png"))
-    plt.close(figure)

@@ -22,7 +22,7 @@ def vec3(real):
 
 @cache
 def grid_struct(real):
-    """Uniform grid over lo .. lo + count * cell. Cells list items in CSR form."""
+    """Uniform grid over lo .. lo + count * cell. Its cells hold ranges in CSR form."""
     return make_struct(
         "Grid",
         {
@@ -30,8 +30,7 @@ def grid_struct(real):
             "cell": vec3(real),  # edge lengths of one cell
             "inv_cell": vec3(real),
             "count": wp.vec3i,  # cells along x, y, z
-            "start": wp.array(dtype=wp.int32),  # [cells + 1]  cell c lists item[start[c] : start[c + 1]]
-            "item": wp.array(dtype=wp.int32),  # [start[-1]]  ids, ascending within a cell
+            "start": wp.array(dtype=wp.int32),  # [cells + 1]  cell c has start[c] .. start[c + 1] - 1
         },
     )
 
@@ -42,7 +41,7 @@ def trees_struct(real):
     return make_struct(
         "Trees",
         {
-            "grid": grid_struct(real),  # its items are nodes, those of a cell from its root on; none are stored
+            "grid": grid_struct(real),  # of nodes, those of a cell from its root on
             "gap": wp.array(dtype=wp.uint8),  # [cells]  how many cells it is to one that lists anything
             "node": wp.array(dtype=wp.int32),  # [32 nodes]
             "frame_lo": vec3(real),  # lower corner of the frame of cell 0; frames are as far apart as cells

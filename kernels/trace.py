@@ -202,6 +202,9 @@ def make_trace(spec: Spec, any_hit: bool):
             while i >= 0:
                 if not was_recent(recent, i):
                     best = hit_instance(scene, ray, i, best)
+                    if wp.static(any_hit):
+                        if best.instance >= 0:
+                            return best
                 i = next_instance(walk, scene.instances, ray, limit(ray, best))
         return best
 

@@ -1,6 +1,7 @@
 """The benchmarks measure what they say; that they are fast is for them to show, not for a test."""
 
 import json
+import re
 
 import numpy as np
 import pytest
@@ -98,9 +99,33 @@ def test_command_prints_a_table_and_writes_files(tmp_path, capsys):
     assert (tmp_path / "ball.png").stat().st_size > 5000
 
 
+@pytest.mark.parametrize(
+    "topic, words", [("scaling", "cube|power"), ("instances", "10,000 instances"), ("specialisation", "times as fast")]
+)
+def test_command_measures_each_topic(topic, words, tmp_path, capsys):
+    path = tmp_path / "results.json"
+    assert main(["bench", topic, "--quick", "--size", "16", "-o", str(path)]) == 0
+    assert re.search(words, capsys.readouterr().out)
+    saved = json.loads(path.read_text())
+    assert saved["topic"] == topic
+    assert saved["results"]
+
+
+def test_scaling_is_drawn(tmp_path):
+    assert main(["bench", "scaling", "--quick", "--size", "16", "--plot", str(tmp_path / "scaling.png")]) == 0
+    assert (tmp_path / "scaling.png").stat().st_size > 5000
+
+
 def test_command_refuses_what_it_cannot_do(tmp_path, capsys):
     assert main(["bench", "--mesh", str(tmp_path / "none.ply")]) == 2
     assert main(["bench", "--quick", "-o", str(tmp_path / "no" / "where.json")]) == 2
     errors = capsys.readouterr().err.strip().splitlines()
     assert "none.ply" in errors[0]
     assert "there is no folder" in errors[1]
+
+
+def test_there_is_no_plot_of_some_topics(tmp_path, capsys):
+    path = tmp_path / "nothing.png"
+    assert main(["bench", "specialisation", "--quick", "--size", "8", "--plot", str(path)]) == 2
+    assert "no plot" in capsys.readouterr().err
+    assert not path.exists()

@@ -82,6 +82,11 @@ class Tracer:
         """Device memory of the geometry: shapes, grids and placements."""
         return self._device_scene.bytes
 
+    @property
+    def instance_bytes(self) -> int:
+        """Device memory of the placements, and of the grid over them."""
+        return self._device_scene.placements.bytes
+
     def mesh_grids(self) -> list[tuple[int, int, int]]:
         """Cells along x, y, z of the grid over each mesh, in order of appearance; none with accelerator="none"."""
         return [mesh.trees.count for mesh in self._device_scene.meshes if mesh.trees is not None]

@@ -47,8 +47,8 @@ def tune(
 ) -> Tuning:
     """Times the closest hits of some rays (see `Tracer.cast`) in grids from fine to coarse, `rounds` times each.
 
-    Use the answer as `rt.Mesh(vertices, faces, grid=tuning.grid)` or `mesh.with_grid(tuning.grid)`. "auto" is rarely far
-    from it; a grid chosen here pays for many rays of a kind. Let the rays be many (100,000) and like those to come.
+    Use the answer as `rt.Mesh(vertices, faces, grid=tuning.grid)` or `mesh.with_grid(tuning.grid)`. "auto" is rarely
+    far from it; a grid chosen here pays for many rays of a kind. Let the rays be many (100,000) and like those to come.
 
     Raises ValueError as `Tracer` and `Tracer.cast` do.
     """
