@@ -123,6 +123,26 @@ def sum_extents(
     sums[chunk, 6] = volume
 
 
+@wp.kernel(module="unique", enable_backward=False, module_options=OPTIONS)
+def bound_faces(
+    vertices: wp.array(dtype=wp.vec3d),
+    faces: wp.array(dtype=wp.int32),
+    bounds: wp.array2d(dtype=WIDE),  # [chunks, 6]
+    first: int,
+):
+    """Least and largest coordinates of the vertices of a chunk of faces; NaN where one is not finite."""
+    chunk = first + wp.tid()
+    least, most, nothing = wp.vec3d(WIDE(wp.inf)), wp.vec3d(WIDE(-wp.inf)), wp.vec3d()
+    end = wp.min((chunk + 1) * CHUNK, faces.shape[0] / 3)
+    for k in range(3 * chunk * CHUNK, 3 * end):
+        p = vec3d_at(vertices, int_at(faces, k))
+        least, most = smallest_of(least, p, p), largest_of(most, p, p)
+        nothing += p - p
+    for axis in range(3):
+        bounds[chunk, axis] = least[axis] + nothing[axis]
+        bounds[chunk, 3 + axis] = most[axis] + nothing[axis]
+
+
 @cache
 def make_fill_blocks(real):
     """Kernel that copies faces, in sorted order, into the lanes of blocks. A face without area becomes a point."""

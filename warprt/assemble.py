@@ -22,9 +22,33 @@ class DeviceScene:
     spec: Spec
     struct: object
     placements: Placements
+    shapes: list
+    device: wp.Device
     meshes: list
     mesh_number: np.ndarray
     """(shapes,) position of a shape in `meshes`, or -1."""
+    versions: list[int]
+    """Of the meshes among the shapes, as they are on the device."""
+
+    def refresh(self) -> None:
+        """Brings over the meshes that have been updated."""
+        meshes = [shape for shape in self.shapes if isinstance(shape, Mesh)]
+        versions = [mesh.version for mesh in meshes]
+        if versions == self.versions:
+            return
+        canonicals = [shape.canonical() for shape in self.shapes]
+        self.placements.reshape(canonicals)
+        self.meshes = [mesh.device_copy(self.spec.real, self.device, self.spec.mesh_grid) for mesh in meshes]
+        self.versions = versions
+        self._fill(canonicals)
+
+    def _fill(self, canonicals: list) -> None:
+        """What kernels take, from what it is made of."""
+        self.struct.shape = _shape_array(self.shapes, canonicals, self.mesh_number, self.spec, self.device)
+        if self.spec.has_mesh:
+            dtype = mesh_struct(self.spec.real, self.spec.mesh_grid)
+            self.struct.mesh = wp.array([mesh.struct() for mesh in self.meshes], dtype=dtype, device=self.device)
+        self.struct.instances = self.placements.struct(instances_struct(self.spec.instance_grid))
 
     def grids(self) -> list:
         """The grid of each mesh, as kernels take it."""
@@ -55,13 +79,10 @@ def assemble(scene: Scene, real: type, device: wp.Device, has_grid: bool) -> Dev
     )
     is_mesh = np.array([shape.kind == ShapeKind.MESH for shape in shapes], dtype=bool)
     mesh_number = np.where(is_mesh, np.cumsum(is_mesh) - 1, -1)
-    struct = scene_struct(spec)()
-    struct.shape = _shape_array(shapes, canonicals, mesh_number, spec, device)
-    if spec.has_mesh:
-        structs = [mesh.struct() for mesh in meshes]
-        struct.mesh = wp.array(structs, dtype=mesh_struct(real, has_grid), device=device)
-    struct.instances = placements.struct(instances_struct(spec.instance_grid))
-    return DeviceScene(spec, struct, placements, meshes, mesh_number)
+    versions = [shape.version for shape in shapes if isinstance(shape, Mesh)]
+    scene = DeviceScene(spec, scene_struct(spec)(), placements, shapes, device, meshes, mesh_number, versions)
+    scene._fill(canonicals)
+    return scene
 
 
 def _distinct(values: list) -> list:

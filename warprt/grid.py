@@ -128,6 +128,15 @@ class Faces:
         return [self.vertices, self.indices, wp.vec3d(*self.center), wp.float64(self.scale)]
 
 
+def vertex_bounds(vertices: wp.array, indices: wp.array) -> tuple[np.ndarray, np.ndarray]:
+    """(lower, upper) corners of the vertices that faces use, (3,) each; NaN where one is not finite."""
+    chunks = -(-(indices.size // 3) // block_build.CHUNK)
+    bounds = wp.empty((chunks, 6), dtype=wp.float64, device=indices.device)
+    launch(block_build.bound_faces, chunks, [vertices, indices, bounds], indices.device, default_threads())
+    found = bounds.numpy()
+    return found[:, :3].min(axis=0), found[:, 3:].max(axis=0)
+
+
 def build_blocks(faces: Faces, real: type) -> wp.array:
     """Sorts faces along a space-filling curve and cuts them into blocks, see kernels/blocks.py."""
     device, count, threads = faces.indices.device, faces.count, default_threads()

@@ -11,7 +11,7 @@ from warprt.kernels.spec import ShapeKind
 from warprt.kernels.structs import mesh_struct
 
 from . import checks
-from .grid import Faces, Trees, auto_resolution, build_block_trees, build_blocks
+from .grid import Faces, Trees, auto_resolution, build_block_trees, build_blocks, vertex_bounds
 from .shapes import Canonical, power_of_two_above
 from .typing import ArrayLike
 
@@ -44,22 +44,35 @@ class Mesh:
         uvs: ArrayLike | None = None,
         grid: str | tuple[int, int, int] | None = "auto",
     ):
-        self.vertices = _rows(vertices, 3, "Mesh vertices")
+        self._vertices = _rows(vertices, 3, "Mesh vertices")
         self.faces = _face_indices(faces, len(self.vertices))
         self.normals = None if normals is None else _rows(normals, 3, "Mesh normals", len(self.vertices))
         self.uvs = None if uvs is None else _rows(uvs, 2, "Mesh uvs", len(self.vertices))
         self.grid = _grid_choice(grid)
+        self.version = 0
+        """How often `update` has been called."""
+        self._device_vertices: wp.array | None = None
         self._device_copies: dict = {}
 
     def __repr__(self) -> str:
-        return f"Mesh({len(self.vertices)} vertices, {len(self.faces)} faces, grid={self.grid!r})"
+        return f"Mesh({len(self)} vertices, {len(self.faces)} faces, grid={self.grid!r})"
 
     def __getstate__(self):
-        return {**self.__dict__, "_device_copies": {}}
+        return {**self.__dict__, "_vertices": self.vertices, "_device_vertices": None, "_device_copies": {}}
+
+    @property
+    def vertices(self) -> np.ndarray:
+        """(V, 3) float64, read-only."""
+        if self._vertices is None:
+            self._vertices = self._device_vertices.numpy()
+            self._vertices.setflags(write=False)
+        return self._vertices
 
     @cached_property
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
         """(lower, upper) corners of the vertices that faces use, (3,) float64."""
+        if self._vertices is None:
+            return vertex_bounds(self._device_vertices, self._device_faces(self._device_vertices.device))
         is_used = np.zeros(len(self.vertices), dtype=bool)
         is_used[self.faces] = True
         columns = np.ascontiguousarray(self.vertices[is_used].T)
@@ -88,6 +101,40 @@ class Mesh:
         copy = object.__new__(Mesh)
         copy.__dict__.update(self.__dict__, grid=_grid_choice(grid), _device_copies={})
         return copy
+
+    def update(self, vertices: ArrayLike | wp.array) -> None:
+        """Gives the mesh new vertices, as many as before; tracers that use it notice at their next call.
+
+        vertices: (V, 3) finite numbers, or a Warp array of V vec3 or vec3d. From a Warp array on a tracer's device,
+        blocks and grid are made anew without a way over the host. Faces stay; normals, those of the old shape, go.
+
+        Raises ValueError, and changes nothing, for another number of vertices, or where a face uses one that is not
+        finite.
+        """
+        if isinstance(vertices, wp.array):
+            on_device, host = _device_rows(vertices, len(self)), None
+            bounds = vertex_bounds(on_device, self._device_faces(on_device.device))
+            if not np.isfinite(bounds).all():
+                raise ValueError("Mesh.update vertices are not finite where faces use them")
+        else:
+            on_device, host = None, _rows(vertices, 3, "Mesh.update vertices", len(self))
+        self._vertices, self._device_vertices, self.normals = host, on_device, None
+        self.__dict__.pop("bounds", None)
+        self._device_copies.clear()
+        self.version += 1
+
+    def __len__(self) -> int:
+        return len(self._vertices) if self._vertices is not None else self._device_vertices.size
+
+    def device_faces(self, device: wp.Device) -> Faces:
+        """Vertices and faces on a device, with the canonical space to which they will be taken."""
+        vertices, canonical = self._device_vertices, self.canonical()
+        if vertices is None or vertices.device != device:
+            vertices = wp.array(self.vertices, dtype=wp.vec3d, device=device, copy=False)
+        return Faces(vertices, self._device_faces(device), canonical.center, canonical.scale)
+
+    def _device_faces(self, device: wp.Device) -> wp.array:
+        return wp.array(self.faces.ravel(), dtype=wp.int32, device=device, copy=False)
 
     @classmethod
     def from_file(cls, path: str | Path, grid: str | tuple[int, int, int] | None = "auto") -> "Mesh":
@@ -124,12 +171,7 @@ class DeviceMesh:
     def __init__(self, mesh: Mesh, real: type, device: wp.Device, has_grid: bool):
         self._real = real
         canonical = mesh.canonical()
-        faces = Faces(
-            wp.array(mesh.vertices, dtype=wp.vec3d, device=device, copy=False),
-            wp.array(mesh.faces.ravel(), dtype=wp.int32, device=device, copy=False),
-            canonical.center,
-            canonical.scale,
-        )
+        faces = mesh.device_faces(device)
         self._corner = build_blocks(faces, real)
         self.trees: Trees | None = None
         if has_grid:
@@ -168,6 +210,18 @@ def _rows(value: ArrayLike, width: int, name: str, count: int | None = None) -> 
         raise ValueError(f"{name}[{i}] is not finite; got {array[i].tolist()}")
     array.setflags(write=False)
     return array
+
+
+def _device_rows(vertices: wp.array, count: int) -> wp.array:
+    """A copy in vec3d of as many vertices as a mesh has."""
+    if vertices.dtype not in (wp.vec3f, wp.vec3d) or vertices.shape != (count,):
+        raise ValueError(
+            f"Mesh.update vertices must be a Warp array of {count} vec3 or vec3d; got {vertices.dtype.__name__} "
+            f"{vertices.shape}"
+        )
+    wide = wp.empty(count, dtype=wp.vec3d, device=vertices.device)
+    wp.utils.array_cast(vertices.contiguous(), wide)
+    return wide
 
 
 def _face_indices(faces: ArrayLike, vertex_count: int) -> np.ndarray:

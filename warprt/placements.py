@@ -36,12 +36,20 @@ class Placements:
         counts = [1 if isinstance(item, Instance) else len(item) for item in scene.objects]
         self.shape = np.repeat([number[id(item.shape)] for item in scene.objects], counts).astype(np.int32)
         self.count = len(self.shape)
-        kinds = np.array([int(shape.kind) for shape in shapes], dtype=np.int32)
-        self._kind = kinds[self.shape]
+        self._shape_kind = np.array([int(shape.kind) for shape in shapes], dtype=np.int32)
         # Of the shape as the user gave it, before its canonical centre and scale are folded in.
         self.world_from_local = np.concatenate([np.empty((0, 4, 4)), *(_matrices(item) for item in scene.objects)])
         self.local_from_world = np.concatenate([np.empty((0, 3, 3)), *(_inverses(item) for item in scene.objects)])
-        self._update()
+        self.canonical_linear, self.canonical_origin = np.empty((self.count, 3, 3)), np.empty((self.count, 3))
+        self.lower, self.upper = np.empty((self.count, 3)), np.empty((self.count, 3))
+        self._arrays = {
+            "shape": wp.array(self.shape, dtype=wp.int32, device=device),
+            "world_from_local": wp.empty(self.count, dtype=wp.mat33d, device=device),
+            "local_from_world": wp.empty(self.count, dtype=wp.mat33d, device=device),
+            "origin": wp.empty(self.count, dtype=wp.vec3d, device=device),
+        }
+        self._place(slice(0, self.count))
+        self._list()
 
     def move(self, first: int, world_from_local: ArrayLike) -> None:
         """Gives new matrices to consecutive instances; see `Tracer.set_transforms`."""
@@ -55,15 +63,24 @@ class Placements:
             )
         rows = slice(first, first + len(matrices))
         inverse = inverse_linear(matrices[:, :3, :3], "world_from_local")
-        before = self.world_from_local, self.local_from_world
-        self.world_from_local, self.local_from_world = before[0].copy(), before[1].copy()
+        before = self.world_from_local[rows].copy(), self.local_from_world[rows].copy()
         self.world_from_local[rows], self.local_from_world[rows] = matrices, inverse
         try:
-            self._update()
+            self._place(rows)
         except ValueError:
-            self.world_from_local, self.local_from_world = before
-            self._update()
+            self.world_from_local[rows], self.local_from_world[rows] = before
             raise
+        self._relist(rows)
+
+    def reshape(self, canonicals: list) -> None:
+        """Takes note that shapes have other centres, scales or bounds."""
+        before, self._canonicals = self._canonicals, canonicals
+        try:
+            self._place(slice(0, self.count))
+        except ValueError:
+            self._canonicals = before
+            raise
+        self._list()
 
     @property
     def has_grid(self) -> bool:
@@ -88,38 +105,36 @@ class Placements:
             instances.reach = self._reach
         return instances
 
-    def _update(self) -> None:
-        """Everything that follows from the matrices."""
-        center = np.array([c.center for c in self._canonicals]).reshape(-1, 3)[self.shape]
-        scale = np.array([c.scale for c in self._canonicals]).reshape(-1)[self.shape]
-        given = self.world_from_local[:, :3, :3]
-        origin = np.einsum("nij,nj->ni", given, center) + self.world_from_local[:, :3, 3]
+    def _place(self, rows: slice) -> None:
+        """What follows from the matrices of some instances, here and on the device. Raises before any change."""
+        shape = self.shape[rows]
+        center = np.array([c.center for c in self._canonicals]).reshape(-1, 3)[shape]
+        scale = np.array([c.scale for c in self._canonicals]).reshape(-1)[shape]
+        given = self.world_from_local[rows, :3, :3]
+        origin = np.einsum("nij,nj->ni", given, center) + self.world_from_local[rows, :3, 3]
         linear = given * scale[:, None, None]
-        inverse = self.local_from_world / scale[:, None, None]
+        inverse = self.local_from_world[rows] / scale[:, None, None]
         for values in (linear, inverse, origin):
-            _require_range(values)
-        self.canonical_linear, self.canonical_origin = linear, origin
-        self._arrays = {
-            "shape": wp.array(self.shape, dtype=wp.int32, device=self.device),
-            "world_from_local": wp.array(linear, dtype=wp.mat33d, device=self.device),
-            "local_from_world": wp.array(inverse, dtype=wp.mat33d, device=self.device),
-            "origin": wp.array(origin, dtype=wp.vec3d, device=self.device),
-        }
-        self.lower, self.upper = self._world_bounds(linear, origin)
-        self._list()
+            _require_range(values, rows.start)
+        self.canonical_linear[rows], self.canonical_origin[rows] = linear, origin
+        self.lower[rows], self.upper[rows] = self._world_bounds(linear, origin, shape)
+        new = {"world_from_local": linear, "local_from_world": inverse, "origin": origin}
+        for name, values in new.items():
+            array = self._arrays[name]
+            wp.copy(array, wp.array(values, dtype=array.dtype, device=self.device), dest_offset=rows.start)
 
-    def _world_bounds(self, linear: np.ndarray, origin: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(N, 3) corners of padded world bounds; infinite for planes."""
-        lower = np.array([c.lower - c.pad for c in self._canonicals]).reshape(-1, 3)[self.shape]
-        upper = np.array([c.upper + c.pad for c in self._canonicals]).reshape(-1, 3)[self.shape]
+    def _world_bounds(self, linear: np.ndarray, origin: np.ndarray, shape: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(n, 3) corners of padded world bounds; infinite for planes."""
+        lower = np.array([c.lower - c.pad for c in self._canonicals]).reshape(-1, 3)[shape]
+        upper = np.array([c.upper + c.pad for c in self._canonicals]).reshape(-1, 3)[shape]
         center = np.einsum("nij,nj->ni", linear, (lower + upper) / 2) + origin
         half = np.einsum("nij,nj->ni", np.abs(linear), (upper - lower) / 2)
-        is_sphere = self._kind == int(ShapeKind.SPHERE)
+        is_sphere = self._shape_kind[shape] == int(ShapeKind.SPHERE)
         # An ellipsoid reaches as far as the rows of its matrix are long, times the radius.
         half[is_sphere] = np.linalg.norm(linear[is_sphere], axis=2) * upper[is_sphere, :1]
         # A few roundings of the sums above.
         half += 8 * np.finfo(np.float64).eps * (half + np.abs(center))
-        half[self._kind == int(ShapeKind.PLANE)] = np.inf
+        half[self._shape_kind[shape] == int(ShapeKind.PLANE)] = np.inf
         return center - half, center + half
 
     def bounds(self) -> tuple[np.ndarray, np.ndarray] | None:
@@ -134,14 +149,31 @@ class Placements:
         self.trees: Trees | None = None
         listed = np.flatnonzero(np.isfinite(self.lower[:, 0]))
         is_worth_it = self._is_grid_wanted and len(listed) >= FEWEST_LISTED
-        if is_worth_it:
-            listed = self._without_large(listed)
-        loose = np.setdiff1d(np.arange(self.count), listed) if is_worth_it else np.arange(self.count)
-        self.loose_count = len(loose)
-        order = np.concatenate([loose, listed]) if is_worth_it else loose
-        self._arrays["order"] = wp.array(order.astype(np.int32), dtype=wp.int32, device=self.device)
+        listed = self._without_large(listed) if is_worth_it else listed[:0]
+        self._is_loose = np.ones(self.count, dtype=bool)
+        self._is_loose[listed] = False
+        self._order()
         if is_worth_it:
             self._build(listed)
+
+    def _relist(self, rows: slice) -> None:
+        """After some instances have moved: a few are kept out of the grid, for more it is built again.
+
+        That the grid still lists them where they were costs a little time, and changes nothing else.
+        """
+        if self.trees is None:
+            return
+        self._is_loose[rows] = True
+        if self._is_loose.sum() - np.isinf(self.lower[:, 0]).sum() <= MOST_LOOSE:
+            self._order()
+        else:
+            self._list()
+
+    def _order(self) -> None:
+        """Instances that no grid lists come first."""
+        self.loose_count = int(self._is_loose.sum())
+        order = np.concatenate([np.flatnonzero(self._is_loose), np.flatnonzero(~self._is_loose)])
+        self._arrays["order"] = wp.array(order.astype(np.int32), dtype=wp.int32, device=self.device)
 
     def _without_large(self, listed: np.ndarray) -> np.ndarray:
         """Leaves out the few instances that fill a good part of all cells, such as a ground box under a forest."""
@@ -190,9 +222,9 @@ def _inverses(item) -> np.ndarray:
     return item.transform.local_from_world[None, :3, :3] if isinstance(item, Instance) else item.local_from_world
 
 
-def _require_range(values: np.ndarray) -> None:
+def _require_range(values: np.ndarray, first: int) -> None:
     """ValueError where a shape under its transform leaves the range in which nothing overflows."""
     is_bad = ~(np.abs(values) < 1e150).all(axis=tuple(range(1, values.ndim)))
     if is_bad.any():
         i = int(np.argmax(is_bad))
-        raise ValueError(f"instance {i} is too large, too small or too far away for float64")
+        raise ValueError(f"instance {first + i} is too large, too small or too far away for float64")

@@ -108,6 +108,7 @@ class Tracer:
         Raises ValueError for wrong shapes, types or devices, and for sizes outside 1e-100 .. 1e100.
         """
         names = field_names(outputs)
+        self._device_scene.refresh()
         rays = as_rays(origins, directions, t_min, t_max, self.device)
         arrays = hit_arrays_struct(self._real)()
         fields = {}
@@ -129,6 +130,7 @@ class Tracer:
         t_max: float | Array = math.inf,
     ) -> Array:
         """(...) bool: whether each ray meets anything with t_min <= t < t_max. Arguments as for `cast`."""
+        self._device_scene.refresh()
         rays = as_rays(origins, directions, t_min, t_max, self.device)
         is_occluded = wp.empty(rays.count, dtype=wp.bool, device=self.device)
         spec = self._device_scene.spec
@@ -140,13 +142,15 @@ class Tracer:
 
     def walk(self, origin: ArrayLike, direction: ArrayLike) -> CellWalk:
         """The cells of mesh grids that one ray pierces up to its hit, instance by instance, in order."""
+        self._device_scene.refresh()
         return walk_cells(self, checks.vector(origin, "origin"), checks.vector(direction, "direction"))
 
     def set_transforms(self, first_instance: int, world_from_local: ArrayLike) -> None:
         """Gives new (N, 4, 4) matrices to instances first_instance .. first_instance + N - 1.
 
-        Meshes and their grids stay as they are; the grid over instances is built again. Raises ValueError, and
-        changes nothing, if a matrix is singular, not finite or not affine.
+        Meshes and their grids stay as they are. Up to 64 instances that have moved are kept out of the grid over
+        instances; when there are more, it is built again. Raises ValueError, and changes nothing, if a matrix is
+        singular, not finite or not affine.
         """
         placements = self._device_scene.placements
         placements.move(first_instance, world_from_local)
@@ -175,6 +179,7 @@ class Tracer:
         if not isinstance(camera, (Camera, type(None))):
             raise ValueError(f"camera must be a Camera; got {type(camera).__name__}")
         names = output_names(outputs)
+        self._device_scene.refresh()
         camera = camera or self.scene.camera or self.framing_camera()
         arrays: dict[str, np.ndarray] = {}
         if "color" in names:
