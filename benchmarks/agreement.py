@@ -5,8 +5,8 @@ import numpy as np
 from .meshes import Triangles
 from .rays import RaySet
 
-NEAR = 1e-5
-"""An edge counts as met when the ray passes it within this share of the triangle's size as the ray sees it."""
+NEAR = 64 * 2.0**-24
+"""An edge counts as met when the ray passes it this near, relative to the largest coordinate: 64 roundings of float32."""
 SAME = 1e-5
 """Two hits count as one when their parameters differ by less than this share."""
 
@@ -25,7 +25,8 @@ def agreement(mesh: Triangles, rays: RaySet, ours: np.ndarray, theirs: np.ndarra
         return counts
     o, d = rays.origins[differs].astype(np.float64), rays.directions[differs].astype(np.float64)
     first, second = (_meet(mesh, o, d, faces[differs]) for faces in (ours, theirs))
-    is_edge = (first[1] < NEAR) | (second[1] < NEAR)
+    size = np.maximum(abs(o).max(axis=1), abs(mesh[0]).max())
+    is_edge = np.minimum(first[1], second[1]) < NEAR * size
     with np.errstate(invalid="ignore"):
         is_tie = ~is_edge & (abs(first[0] - second[0]) <= SAME * np.maximum(abs(first[0]), abs(second[0])))
     counts["edge"], counts["tie"] = int(is_edge.sum()), int(is_tie.sum())
@@ -34,14 +35,15 @@ def agreement(mesh: Triangles, rays: RaySet, ours: np.ndarray, theirs: np.ndarra
 
 
 def _meet(mesh: Triangles, o: np.ndarray, d: np.ndarray, face: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(t at each ray's face, how near the ray passes one of its edges, relative); infinite where there is no face."""
+    """(t at each ray's face, how near the line of the ray passes one of its edges); infinite where there is no face."""
     vertices, faces = mesh
     a, b, c = np.moveaxis(vertices.astype(np.float64)[faces[np.maximum(face, 0)]] - o[:, None], 1, 0)
     weights = [np.einsum("ij,ij->i", d, np.cross(p, q)) for p, q in ((b, c), (c, a), (a, b))]
-    size = np.sum(np.abs(weights), axis=0)
     normal = np.cross(b - a, c - a)
     with np.errstate(divide="ignore", invalid="ignore"):
         t = np.einsum("ij,ij->i", a, normal) / np.einsum("ij,ij->i", d, normal)
-        edge = np.min(np.abs(weights), axis=0) / size
+        # The distance of two lines: their triple product over the size of the cross product of their directions.
+        across = [np.linalg.norm(np.cross(d, q - p), axis=1) for p, q in ((b, c), (c, a), (a, b))]
+        edge = np.min([abs(w) / size for w, size in zip(weights, across, strict=True)], axis=0)
     is_none = face < 0
     return np.where(is_none, np.inf, t), np.where(is_none, np.inf, np.nan_to_num(edge, nan=0.0))

@@ -21,7 +21,7 @@ _is_announced = False
 
 BAND = 8192
 """Fewest rays per launch on a CPU: enough to hide the cost of a launch."""
-BANDS_PER_THREAD = 8
+BANDS_PER_THREAD = 4
 """Bands of a launch for each thread: enough to share the work evenly."""
 
 
