@@ -6,7 +6,7 @@ from .meshes import Triangles
 from .rays import RaySet
 
 NEAR = 64 * 2.0**-24
-"""An edge counts as met when the ray passes it this near, relative to the largest coordinate: 64 roundings of float32."""
+"""An edge counts as met when the ray passes it this near, for a largest coordinate of 1: 64 roundings of float32."""
 SAME = 1e-5
 """Two hits count as one when their parameters differ by less than this share."""
 
