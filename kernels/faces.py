@@ -6,7 +6,7 @@ import warp as wp
 
 from .blocks import lowest_lane, make_candidates, make_face_at, slot_row
 from .memory import make_at
-from .rounding import real_above, rounding_of_sum, safe_reciprocal, unit_roundoff
+from .rounding import from_t_min, real_above, rounding_of_sum, safe_reciprocal, unit_roundoff, up_to_t_max
 from .spec import Spec
 from .structs import WIDE, face_hit_struct, face_ray_struct, local_ray_struct, mesh_struct, vec3
 from .tree_walk import make_next_slot, make_start_walk, walk_struct
@@ -47,12 +47,16 @@ def make_face_ray(spec: Spec):
 
 @cache
 def make_in_range(real):
-    """Whether t_min <= t < t_max holds for the parameter as it will be reported."""
+    """Whether t_min <= t < t_max holds for the parameter as it will be reported, a finite number.
+
+    And, but for the rounding of float32, before it is rounded: where that underflows, what lies behind stays behind.
+    """
 
     @wp.func
     def in_range(t: WIDE, t_min: WIDE, t_max: WIDE):
         reported = WIDE(real(t))
-        return reported >= t_min and reported < t_max
+        is_reported = reported >= t_min and reported < t_max and reported > WIDE(-wp.inf)
+        return is_reported and t >= from_t_min(t_min) and t < up_to_t_max(t_max)
 
     return in_range
 

@@ -6,7 +6,7 @@ import warp as wp
 
 from .box import enter_box
 from .memory import int_at, mat33d_at, vec3d_at
-from .rounding import larger, largest, power_of_two_below, safe_reciprocal, shortened
+from .rounding import from_t_min, larger, largest, power_of_two_below, safe_reciprocal, shortened, unit_roundoff
 from .spec import ShapeKind, Spec
 from .structs import WIDE, local_ray_struct, scene_struct
 from .transform import location_to_local, offset
@@ -16,8 +16,9 @@ from .transform import location_to_local, offset
 def advance(t: wp.float64):
     """A parameter a little before t, of few digits: with round input o + t d and t itself then stay exact."""
     if wp.abs(t) > wp.float64(1.0e7):
-        # So far from the shape, the digits that shortening drops would be those that count.
-        return t
+        # So far from the shape, the digits that shortening drops would be those that count. The origin and the sum
+        # o + t d are a few roundings off by then, so the ray stops as much before the bounds.
+        return t - wp.float64(32.0) * unit_roundoff(t) * wp.abs(t)
     if t < wp.float64(0.0):
         return shortened(t * wp.float64(1.0000001))
     return shortened(t)
@@ -45,7 +46,7 @@ def make_enter(spec: Spec):
                 return ray
         pad = wp.vec3d(shape.pad, shape.pad, shape.pad)
         near, far = enter_box(ray.o, safe_reciprocal(ray.d, WIDE(1.0)), shape.lower - pad, shape.upper + pad)
-        first = t_min * ray.inv_scale
+        first = from_t_min(t_min) * ray.inv_scale
         ray.is_hit = near <= far and first <= far
         ray.start = advance(larger(near, first))
         ray.is_hit = ray.is_hit and ray.scale * ray.start <= t_max

@@ -192,11 +192,12 @@ ENTER = """
     enters = near[2] > enters ? near[2] : enters;
     leaves = far[2] < leaves ? far[2] : leaves;
     const D best = *(const D*)&packet.t[0];
-    const D first = *(const D*)&packet.t_min[0] * inv_scale;
+    const D t_min = *(const D*)&packet.t_min[0];
+    const D first = (t_min - 1.1920928955078125e-07 * (t_min < zero ? -t_min : t_min)) * inv_scale;
     D start = first > enters ? first : enters;
     const D far_off = start < zero ? -start : start;
     const D shifted = start < zero ? start * 1.0000001 : start;
-    start = far_off > 1.0e7 ? start : number(bits(shifted) & -67108864);
+    start = far_off > 1.0e7 ? start - 3.5527136788005009e-15 * far_off : number(bits(shifted) & -67108864);
     auto is_met = (enters <= leaves) & (first <= leaves) & (scale * start <= best);
 #if !defined(__CUDA_ARCH__)
     const int met = __builtin_bit_cast(unsigned char, __builtin_convertvector(is_met, B8));

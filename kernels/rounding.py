@@ -50,6 +50,18 @@ def fused(a: wp.float64, b: wp.float64, c: wp.float64) -> wp.float64: ...
 
 
 @wp.func
+def from_t_min(t_min: wp.float64):
+    """The least parameter that a float32 may report as t_min: half an ulp below it at the most."""
+    return t_min - wp.float64(1.1920928955078125e-07) * wp.abs(t_min)
+
+
+@wp.func
+def up_to_t_max(t_max: wp.float64):
+    """More than what a float32 may report as below t_max: half an ulp above it at the most."""
+    return t_max + wp.float64(2.384185791015625e-07) * wp.abs(t_max)
+
+
+@wp.func
 def real_above(x: wp.float64, like: Real):
     """X in the type of `like`, at least as large as x but for underflow."""
     y = type(like)(x)

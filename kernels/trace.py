@@ -11,7 +11,7 @@ from .grid import wall
 from .instance import make_enter
 from .memory import int_at
 from .plane import root_plane
-from .rounding import is_ray, larger, largest, real_above, rounding_of_sum, safe_reciprocal
+from .rounding import from_t_min, is_ray, larger, largest, real_above, rounding_of_sum, safe_reciprocal, up_to_t_max
 from .spec import ShapeKind, Spec
 from .sphere import roots_sphere
 from .structs import WIDE, face_hit_struct, hit_struct, make_struct, scene_struct, world_ray_struct
@@ -160,8 +160,7 @@ def make_trace(spec: Spec, any_hit: bool):
     @wp.func
     def no_hit(t_max: WIDE) -> Hit:
         best = Hit()
-        # A hit beyond t_max may still be reported below it after rounding: half an ulp of float32 at the most.
-        best.t = t_max + WIDE(2.384185791015625e-07) * wp.abs(t_max)
+        best.t = up_to_t_max(t_max)
         best.instance = -1
         best.primitive = -1
         return best
@@ -193,7 +192,7 @@ def make_trace(spec: Spec, any_hit: bool):
             wall(grid.lo[2], grid.cell[2], grid.count[2]),
         )
         near, far = enter_box(ray.o, ray.inv_d, grid.lo, upper)
-        ray.t_start = larger(near, ray.t_min)
+        ray.t_start = larger(near, from_t_min(ray.t_min))
         if ray.t_start <= far and ray.t_start <= best.t:
             ray.o = ray.o + ray.t_start * ray.d
             walk = start_walk(grid, ray)

@@ -258,3 +258,63 @@ def test_closed_mesh_does_not_leak(aim, accuracy, device, rng):
     o = rng.uniform(-0.3, 0.3, (50000, 3))
     tracer = rt.Tracer(rt.Scene([rt.Mesh(vertices, faces)]), accuracy, device)
     assert tracer.occluded(o, target - o).all()
+
+
+# ------------------------------------------------------------------------------------------ where rounding is large
+
+
+@pytest.mark.parametrize("distance", [1e9, 1e11, 1e14])
+def test_origins_so_far_that_their_rounding_exceeds_the_bounds(distance, accuracy, device, rng):
+    square = rt.Mesh([(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)], [(0, 1, 2), (0, 2, 3)])
+    d = rng.normal(size=(2000, 3))
+    d /= np.linalg.norm(d, axis=1)[:, None]
+    p = np.concatenate([rng.uniform(-0.9, 0.9, (2000, 2)), np.zeros((2000, 1))], axis=1)
+    o = p - d * distance * rng.uniform(1, 2, (2000, 1))
+    hits = assert_grid_changes_nothing([square], o, d, accuracy, device)
+    assert hits.hit.mean() > 0.5
+
+
+@pytest.mark.parametrize("distance", [1e2, 1e6])
+def test_rays_that_start_at_a_hit(distance, accuracy, device, rng):
+    mesh = rt.Mesh(*soup(rng, 500, 0.1))
+    d = rng.normal(size=(2000, 3))
+    d /= np.linalg.norm(d, axis=1)[:, None]
+    o = rng.uniform(-0.9, 0.9, (2000, 3)) - d * distance
+    first = rt.Tracer(rt.Scene([mesh]), accuracy, device).cast(o, d, outputs="t").t
+    # From the very parameter that was reported, which may be half an ulp of float32 beyond the hit.
+    hits = assert_grid_changes_nothing([mesh], o, d, accuracy, device, t_min=np.where(np.isfinite(first), first, 0))
+    assert hits.hit.mean() > 0.3
+
+
+@pytest.mark.parametrize("length", [1e40, 1e45, 1e60, 1e-60])
+def test_parameters_that_float32_cannot_tell_from_0_or_infinity(length, accuracy, device, rng):
+    mesh = rt.Mesh(*soup(rng, 300, 0.1))
+    o, d = rng.uniform(-1, 1, (2000, 3)), rng.normal(size=(2000, 3))
+    hits = assert_grid_changes_nothing([mesh], o, length * d, accuracy, device)
+    unscaled = rt.Tracer(rt.Scene([mesh]), "double", device).cast(o, d)
+    # What lies behind stays behind, though its t underflows to -0.
+    if length > 1:
+        np.testing.assert_array_equal(hits.hit, unscaled.hit)
+
+
+def test_a_parameter_beyond_float32_is_no_hit(device):
+    square = rt.Mesh([(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)], [(0, 1, 2), (0, 2, 3)])
+    tracer = rt.Tracer(rt.Scene([square]), "robust", device)
+    hits = tracer.cast((0.5, 0.4, 0.5), (0, 0, 1e-60), t_min=-np.inf)
+    assert not hits.hit
+    assert np.isposinf(hits.t)
+    assert not tracer.occluded((0.5, 0.4, 0.5), (0, 0, 1e-60), t_min=-np.inf)
+
+
+@pytest.mark.parametrize("least", [1e-4, 1e-7, 1e-9])
+def test_ill_conditioned_instances(least, accuracy, device, rng):
+    count = 40
+    turns = np.linalg.qr(rng.normal(size=(2, count, 3, 3)))[0]
+    places = np.tile(np.eye(4), (count, 1, 1))
+    stretch = rng.choice([1.0, least], (count, 3))
+    places[:, :3, :3] = turns[0] @ (stretch[:, :, None] * turns[1])
+    places[:, :3, 3] = rng.uniform(-2, 2, (count, 3))
+    objects = [rt.Instances(rt.Mesh(*soup(rng, 20)), places), rt.Instances(rt.Sphere(), places)]
+    o = rng.normal(size=(3000, 3)) * 10.0 ** rng.uniform(0, 4, (3000, 1))
+    hits = assert_grid_changes_nothing(objects, o, rng.uniform(-2, 2, (3000, 3)) - o, accuracy, device)
+    assert hits.hit.mean() > 0.1

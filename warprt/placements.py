@@ -20,9 +20,10 @@ MOST_LISTED = 64
 MOST_LOOSE = 64
 """How many large instances may be kept out of the grid and tested by every ray."""
 GRID_PAD = 2.0**-26
-"""Widening of world bounds, relative to the extent of all: covers the rounding of rays from within REACH pads."""
-REACH = 2.0**47
-"""So many pads away, 64 roundings of a ray's coordinates come to one pad."""
+"""Least widening of world bounds, relative to the extent of all."""
+REACH = 2.0**14
+"""From so many extents away, bounds are wide enough for what 64 roundings of a ray's origin come to in the space of
+an instance and back. Rays from farther away test every instance."""
 
 
 class Placements:
@@ -42,6 +43,7 @@ class Placements:
         self.local_from_world = np.concatenate([np.empty((0, 3, 3)), *(_inverses(item) for item in scene.objects)])
         self.canonical_linear, self.canonical_origin = np.empty((self.count, 3, 3)), np.empty((self.count, 3))
         self.lower, self.upper = np.empty((self.count, 3)), np.empty((self.count, 3))
+        self._amplification = np.empty(self.count)
         self._arrays = {
             "shape": wp.array(self.shape, dtype=wp.int32, device=device),
             "world_from_local": wp.empty(self.count, dtype=wp.mat33d, device=device),
@@ -118,6 +120,8 @@ class Placements:
             _require_range(values, rows.start)
         self.canonical_linear[rows], self.canonical_origin[rows] = linear, origin
         self.lower[rows], self.upper[rows] = self._world_bounds(linear, origin, shape)
+        # How much larger a rounding of W (o - b) can be when it comes back through A: the condition, in essence.
+        self._amplification[rows] = (np.abs(linear) @ np.abs(inverse)).sum(axis=2).max(axis=1, initial=1)
         new = {"world_from_local": linear, "local_from_world": inverse, "origin": origin}
         for name, values in new.items():
             array = self._arrays[name]
@@ -148,6 +152,7 @@ class Placements:
         """Chooses what the grid lists, and builds it."""
         self.trees: Trees | None = None
         listed = np.flatnonzero(np.isfinite(self.lower[:, 0]))
+        self._widen(listed)
         is_worth_it = self._is_grid_wanted and len(listed) >= FEWEST_LISTED
         listed = self._without_large(listed) if is_worth_it else listed[:0]
         self._is_loose = np.ones(self.count, dtype=bool)
@@ -155,6 +160,17 @@ class Placements:
         self._order()
         if is_worth_it:
             self._build(listed)
+
+    def _widen(self, bounded: np.ndarray) -> None:
+        """Bounds as the grid takes them, widened by what rays from within reach may be off by."""
+        extent = (
+            np.ptp([self.lower[bounded].min(axis=0), self.upper[bounded].max(axis=0)], axis=0).max()
+            if len(bounded)
+            else 0
+        )
+        slack = np.maximum(GRID_PAD, 64 * np.finfo(np.float64).eps / 2 * REACH * self._amplification) * extent
+        self._wide_lower, self._wide_upper = self.lower - slack[:, None], self.upper + slack[:, None]
+        self._reach = REACH * extent
 
     def _relist(self, rows: slice) -> None:
         """After some instances have moved: a few are kept out of the grid, for more it is built again.
@@ -178,7 +194,7 @@ class Placements:
     def _without_large(self, listed: np.ndarray) -> np.ndarray:
         """Leaves out the few instances that fill a good part of all cells, such as a ground box under a forest."""
         for _ in range(4):
-            lower, upper = self.lower[listed], self.upper[listed]
+            lower, upper = self._wide_lower[listed], self._wide_upper[listed]
             extent = upper.max(axis=0) - lower.min(axis=0)
             count = np.array(resolution(extent, CELLS_PER_INSTANCE * len(listed)))
             spanned = np.ceil((upper - lower) / np.where(extent > 0, extent, 1) * count).clip(1, count).prod(axis=1)
@@ -194,22 +210,21 @@ class Placements:
         cells = CELLS_PER_INSTANCE * len(listed)
         while True:
             count = resolution(extent, cells)
-            spanned = (self.upper[listed] - self.lower[listed]) / extent * count + 1
+            spanned = (self._wide_upper[listed] - self._wide_lower[listed]) / extent * count + 1
             if spanned.prod(axis=1).sum() <= MOST_LISTED * len(listed) or max(count) == 1:
                 return count
             cells /= 2
 
     def _build(self, listed: np.ndarray) -> None:
-        lower, upper = self.lower[listed].min(axis=0), self.upper[listed].max(axis=0)
-        extent = upper - lower
-        pad = GRID_PAD * extent.max()
-        self._center, self._reach = lower / 2 + upper / 2, REACH * pad
+        lower, upper = self._wide_lower[listed].min(axis=0), self._wide_upper[listed].max(axis=0)
+        self._center = lower / 2 + upper / 2
+        pad = GRID_PAD * (upper - lower).max()
         boxes = [
-            wp.array(bound - self._center + sign * pad, dtype=wp.vec3d, device=self.device)
-            for bound, sign in ((self.lower, -1), (self.upper, 1))
+            wp.array(bound - self._center, dtype=wp.vec3d, device=self.device)
+            for bound in (self._wide_lower, self._wide_upper)
         ]
         ids = wp.array(listed.astype(np.int32), dtype=wp.int32, device=self.device)
-        lo, hi = lower - self._center - 4 * pad, upper - self._center + 4 * pad
+        lo, hi = lower - self._center - pad, upper - self._center + pad
         count = self._resolution(listed, hi - lo)
         self.trees = build_box_trees(*boxes, ids, lo, hi, count, pad)
 
