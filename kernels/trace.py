@@ -109,13 +109,8 @@ def make_primitive_id(spec: Spec):
     return primitive_id
 
 
-@cache
-def recent_struct():
-    """The instances that a ray was last taken to, as 1 + id, and where the next one goes."""
-    return make_struct("Recent", {"ids": wp.types.vector(8, wp.int32), "next": wp.int32})
-
-
-Recent = recent_struct()
+Recent = make_struct("Recent", {"ids": wp.types.vector(8, wp.int32), "next": wp.int32})
+"""The instances that a ray was last taken to, as 1 + id, and where the next one goes."""
 
 
 @wp.func_native("""

@@ -18,9 +18,10 @@ from .typing import ArrayLike
 PAD_ROUNDINGS = 64
 """Widening of a mesh's grid cells, in units of roundoff of the largest canonical coordinate, 1.
 
-A hit found by the triangle test lies on the triangle and within 25 roundings of the ray; walls and the parameters
-at which a ray meets them carry at most 12 more of terms up to 2. So each cell whose span of t holds a hit lists
-the triangle, and a ray may stop as soon as its best hit lies before the exit of a cell.
+A hit found by the triangle test lies on the triangle and within 25 roundings of the ray. Of terms up to 2, a wall's
+parameter carries at most 12 roundings, a point to which a ray jumps over empty space 19, and a parameter at a box (two
+sums, three products) 19. So each cell whose span of t holds a hit lists the triangle, its box there is met before the
+hit, and a ray may stop as soon as its best hit lies before the exit of a cell.
 """
 
 
