@@ -10,11 +10,10 @@ import pytest
 import warp as wp
 from launching import launch, leaf_kernel, rounded, roundoff, scalar_of
 
-from warprt.grid import gaps
 from warprt.kernels import build
 from warprt.kernels.blocks import BLOCK_SIZE
 from warprt.kernels.structs import grid_struct
-from warprt.kernels.tree import NODE_WORDS, STEPS
+from warprt.kernels.tree import STEPS
 
 
 @cache
@@ -330,78 +329,6 @@ def test_bounds_of_a_block_hold_what_of_it_lies_in_the_cell(real, device, rng):
         assert (box[:3] >= np.maximum(low, corners[block].min(axis=(0, 1))) - slack).all()
         assert (box[3:] <= np.minimum(high, corners[block].max(axis=(0, 1))) + slack).all()
     assert seen > 10_000
-
-
-def trees(counts, order, bounds, device):
-    """(first node of each cell, nodes) as the host makes them; node (24 words, 8 children) each."""
-    pair_start = np.concatenate([[0], np.cumsum(counts)]).astype(np.int32)
-    inputs = [wp.array(x.astype(np.int32).ravel(), dtype=wp.int32, device=device) for x in (pair_start, order, bounds)]
-    listed = wp.array(np.arange(pair_start[-1], dtype=np.int32) + 100, dtype=wp.int32, device=device)
-    start = wp.full(len(counts) + 1, -7, dtype=wp.int32, device=device)
-    levels = wp.zeros(1, dtype=wp.int32, device=device)
-    wp.launch(build.count_nodes, dim=len(counts), inputs=[inputs[0], start, levels], device=device)
-    wp.utils.array_scan(start, start, inclusive=True)
-    total = int(start.numpy()[-1])
-    node = wp.full(NODE_WORDS * total, -7, dtype=wp.int32, device=device)
-    for level in range(1, int(levels.numpy()[0]) + 1):
-        arguments = [level, inputs[0], inputs[1], listed, inputs[2], start, node, 0]
-        wp.launch(build.fill_nodes, dim=total, inputs=arguments, device=device)
-    return start.numpy(), node.numpy().reshape(total, NODE_WORDS)
-
-
-def leaves(node, k):
-    """[(block, bounds)] below a node, in order; checks that bounds of nodes are those of what is below them."""
-    bounds = node[k, :24].view(np.uint16).reshape(6, 8).astype(int)
-    found = []
-    for lane, child in enumerate(node[k, 24:]):
-        if child == -1:
-            assert lane > 0, "a node has a first child"
-            assert (node[k, 24 + lane :] == -1).all(), "children come first"
-            assert (bounds[:3, lane] > bounds[3:, lane]).all()
-        elif child >= 0:
-            found.append((int(child), bounds[:, lane]))
-        else:
-            below = leaves(node, -2 - child)
-            inside = np.array([b for _, b in below])
-            np.testing.assert_array_equal(bounds[:, lane], [*inside[:, :3].min(axis=0), *inside[:, 3:].max(axis=0)])
-            found += below
-    return found
-
-
-def test_trees_hold_the_blocks_of_each_cell_in_order(device, rng):
-    counts = np.array([0, 3, 8, 0, 9, 1, 64, 65, 513, 0])
-    total = counts.sum()
-    order = rng.permutation(total)
-    low = rng.integers(0, STEPS, (total, 3))
-    bounds = np.concatenate([low, rng.integers(low, STEPS + 1)], axis=1)
-    start, node = trees(counts, order, bounds, device)
-    nodes = [0, 1, 1, 0, 3, 1, 9, 9 + 2 + 1, 65 + 9 + 2 + 1, 0]
-    np.testing.assert_array_equal(np.diff(start), nodes)
-    first = np.concatenate([[0], np.cumsum(counts)])
-    for c, count in enumerate(counts):
-        if count:
-            found = leaves(node, start[c])
-            mine = order[first[c] : first[c] + count]
-            assert [block for block, _ in found] == (mine + 100).tolist()
-            np.testing.assert_array_equal([b for _, b in found], bounds[mine])
-
-
-@pytest.mark.parametrize("count", [(1, 1, 1), (9, 1, 1), (4, 5, 6), (12, 11, 10)], ids=str)
-def test_gap_is_the_chebyshev_distance_to_the_next_cell_that_lists_anything(count, device, rng):
-    is_full = rng.random(count) < 0.02
-    is_full.flat[0] = True
-    start = np.concatenate([[0], np.cumsum(is_full.ravel())]).astype(np.int32)
-    found = gaps(wp.array(start, dtype=wp.int32, device=device), count).numpy().reshape(count)
-    full = np.argwhere(is_full)
-    cells = np.argwhere(np.ones(count, dtype=bool))
-    expected = abs(cells[:, None] - full).max(axis=2).min(axis=1).reshape(count)
-    np.testing.assert_array_equal(found, expected)
-
-
-def test_gap_ends_at_what_a_byte_holds(device):
-    start = wp.array(np.array([0] + [1] * 700, dtype=np.int32), dtype=wp.int32, device=device)
-    found = gaps(start, (1, 1, 700)).numpy()
-    np.testing.assert_array_equal(found, np.minimum(np.arange(700), 255))
 
 
 # ------------------------------------------------------------------------------------------ boxes
