@@ -60,7 +60,7 @@ def run(options) -> None:
 
 def _rates(options, size: int, rounds: int, threads: int):
     makers = chosen(options.mesh, options.subdivide, options.field, options.quick)
-    accuracies = ["robust"] if options.quick else ["robust", "double"]
+    accuracies = ["robust", "fast"] if options.quick else ["robust", "fast", "mixed", "double"]
     bar = tqdm(makers, disable=None, leave=False, desc="bench")
     results = {name: rates.measure(makers[name](), size, rounds, threads, accuracies) for name in bar}
     return results, report.table, report.draw_ratios

@@ -6,31 +6,38 @@ import warp as wp
 
 from .memory import make_at, vec3d_at
 from .packet import make_store_packet, make_trace_packet, packet_struct
-from .rounding import OPTIONS
 from .spec import Spec
 from .structs import WIDE, hit_arrays_struct, hit_struct, rays_struct, scene_struct, vec3
 from .surface import leave, make_surface
 from .trace import make_primitive_id, make_trace
 
 Rays = rays_struct()
-wide_at, vec3f_at = make_at(WIDE), make_at(wp.vec3f)
+limit_at, vec3f_at = make_at(WIDE), make_at(wp.vec3f)
 
 
-@wp.func
-def load_ray(rays: Rays, k: int):
-    """Ray k as (origin, direction, t_min, t_max) in float64, which holds float32 exactly."""
-    t_min, t_max = wide_at(rays.t_min, k * rays.t_min_step), wide_at(rays.t_max, k * rays.t_max_step)
-    if rays.is_wide:
-        return vec3d_at(rays.origin_wide, k), vec3d_at(rays.direction_wide, k), t_min, t_max
-    return wp.vec3d(vec3f_at(rays.origin, k)), wp.vec3d(vec3f_at(rays.direction, k)), t_min, t_max
+@cache
+def make_load_ray(wide):
+    """Ray k as (origin, direction, t_min, t_max): in float64, which holds float32 exactly, they are as given."""
+    vec = vec3(wide)
+
+    @wp.func
+    def load_ray(rays: Rays, k: int):
+        t_min = wide(limit_at(rays.t_min, k * rays.t_min_step))
+        t_max = wide(limit_at(rays.t_max, k * rays.t_max_step))
+        if rays.is_wide:
+            return vec(vec3d_at(rays.origin_wide, k)), vec(vec3d_at(rays.direction_wide, k)), t_min, t_max
+        return vec(vec3f_at(rays.origin, k)), vec(vec3f_at(rays.direction, k)), t_min, t_max
+
+    return load_ray
 
 
 @cache
 def make_store_surface(spec: Spec):
     """Stores what only the surface at a hit tells: point, normal and weights, those that are asked for."""
-    real = spec.real
+    real, wide = spec.tier.result, spec.tier.wide
     vec, vec2 = vec3(real), wp.types.vector(2, real)
-    Scene, Arrays, Hit, surface = scene_struct(spec), hit_arrays_struct(real), hit_struct(), make_surface(spec)
+    Scene, Arrays, Hit = scene_struct(spec), hit_arrays_struct(real), hit_struct(wide)
+    surface, load_ray = make_surface(spec), make_load_ray(wide)
 
     @wp.func
     def store_surface(scene: Scene, rays: Rays, hits: Arrays, k: int, hit: Hit):
@@ -55,12 +62,12 @@ def make_store_surface(spec: Spec):
 @cache
 def make_cast(spec: Spec, full: bool):
     """Closest hits of one ray a thread. Only with `full` does code for points, normals and weights exist."""
-    real = spec.real
+    real, load_ray = spec.tier.result, make_load_ray(spec.tier.wide)
     Scene, Arrays = scene_struct(spec), hit_arrays_struct(real)
     trace, primitive_id = make_trace(spec, False), make_primitive_id(spec)
     store_surface = make_store_surface(spec) if full else None
 
-    @wp.kernel(module="unique", enable_backward=False, module_options=OPTIONS)
+    @wp.kernel(module="unique", enable_backward=False, module_options=spec.tier.options)
     def cast(scene: Scene, rays: Rays, hits: Arrays, first: int):
         k = first + wp.tid()
         o, d, t_min, t_max = load_ray(rays, k)
@@ -83,11 +90,10 @@ def make_cast(spec: Spec, full: bool):
 @cache
 def make_cast_packets(spec: Spec):
     """Closest hits of `width` rays a thread, t and ids alone: what `make_cast` stores, sooner."""
-    real = spec.real
-    Scene, Arrays, Packet = scene_struct(spec), hit_arrays_struct(real), packet_struct(real)
-    trace_packet, store_packet = make_trace_packet(spec, False), make_store_packet(real)
+    Scene, Arrays, Packet = scene_struct(spec), hit_arrays_struct(spec.tier.result), packet_struct(spec.tier)
+    trace_packet, store_packet = make_trace_packet(spec, False), make_store_packet(spec.tier)
 
-    @wp.kernel(module="unique", enable_backward=False, module_options=OPTIONS)
+    @wp.kernel(module="unique", enable_backward=False, module_options=spec.tier.options)
     def cast_packets(scene: Scene, rays: Rays, hits: Arrays, width: int, end: int, first: int):
         k = first + width * wp.tid()
         count = wp.min(width, end - k)
@@ -102,9 +108,9 @@ def make_cast_packets(spec: Spec):
 def make_occluded(spec: Spec):
     """Whether anything is met at all: the same body as the closest hit, ended by the first one found."""
     Scene = scene_struct(spec)
-    trace = make_trace(spec, True)
+    trace, load_ray = make_trace(spec, True), make_load_ray(spec.tier.wide)
 
-    @wp.kernel(module="unique", enable_backward=False, module_options=OPTIONS)
+    @wp.kernel(module="unique", enable_backward=False, module_options=spec.tier.options)
     def occluded(scene: Scene, rays: Rays, is_occluded: wp.array(dtype=wp.bool), first: int):
         k = first + wp.tid()
         o, d, t_min, t_max = load_ray(rays, k)
@@ -116,9 +122,9 @@ def make_occluded(spec: Spec):
 @cache
 def make_occluded_packets(spec: Spec):
     """What `make_occluded` stores, for `width` rays a thread."""
-    Scene, Packet, trace_packet = scene_struct(spec), packet_struct(spec.real), make_trace_packet(spec, True)
+    Scene, Packet, trace_packet = scene_struct(spec), packet_struct(spec.tier), make_trace_packet(spec, True)
 
-    @wp.kernel(module="unique", enable_backward=False, module_options=OPTIONS)
+    @wp.kernel(module="unique", enable_backward=False, module_options=spec.tier.options)
     def occluded_packets(
         scene: Scene, rays: Rays, is_occluded: wp.array(dtype=wp.bool), width: int, end: int, first: int
     ):
@@ -137,10 +143,10 @@ def make_occluded_packets(spec: Spec):
 @cache
 def make_spawn(spec: Spec):
     """Origins of rays that leave the hits of other rays; a miss has none and gives NaN."""
-    Scene = scene_struct(spec)
+    Scene, load_ray, vec = scene_struct(spec), make_load_ray(spec.tier.wide), vec3(spec.tier.wide)
     trace, surface = make_trace(spec, False), make_surface(spec)
 
-    @wp.kernel(module="unique", enable_backward=False, module_options=OPTIONS)
+    @wp.kernel(module="unique", enable_backward=False, module_options=spec.tier.options)
     def spawn(
         scene: Scene, rays: Rays, direction: wp.array(dtype=wp.vec3d), origin: wp.array(dtype=wp.vec3d), first: int
     ):
@@ -151,6 +157,6 @@ def make_spawn(spec: Spec):
         origin[k] = wp.vec3d(nowhere, nowhere, nowhere)
         if hit.instance >= 0:
             s = surface(scene, o, d, t_min, hit)
-            origin[k] = leave(s.position, s.normal, s.offset, direction[k])
+            origin[k] = wp.vec3d(leave(s.position, s.normal, s.offset, vec(direction[k])))
 
     return spawn

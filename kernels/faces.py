@@ -5,23 +5,24 @@ from functools import cache
 import warp as wp
 
 from .blocks import lowest_lane, make_candidates, make_face_at, slot_row
+from .generic import Struct
 from .memory import make_at
 from .rounding import from_t_min, real_above, rounding_of_sum, safe_reciprocal, unit_roundoff, up_to_t_max
-from .spec import Spec
-from .structs import WIDE, face_hit_struct, face_ray_struct, local_ray_struct, mesh_struct, vec3
+from .spec import Spec, Tier
+from .structs import face_hit_struct, face_ray_struct, local_ray_struct, mesh_struct, sheared_struct, vec3
 from .tree_walk import make_next_slot, make_start_walk, walk_struct
 from .triangle import shear_axes, solve_sheared
 
 
 @cache
-def make_face_ray(spec: Spec):
+def make_face_ray(tier: Tier):
     """A local ray rounded to the arithmetic of meshes and sheared onto its main axis."""
-    real = spec.real
+    real, wide, result, has_fine = tier.real, tier.wide, tier.result, tier.has_fine
     vec = vec3(real)
-    LocalRay, FaceRay = local_ray_struct(WIDE), face_ray_struct(real)
+    LocalRay, FaceRay, Sheared = local_ray_struct(wide), face_ray_struct(tier), sheared_struct(result)
 
     @wp.func
-    def face_ray(local: LocalRay, t_min: WIDE, t_max: WIDE) -> FaceRay:
+    def face_ray(local: LocalRay, t_min: wide, t_max: wide) -> FaceRay:
         ray = FaceRay()
         ray.o = vec(local.o)
         ray.d = vec(local.d)
@@ -35,40 +36,50 @@ def make_face_ray(spec: Spec):
         ray.oz = ray.o[kz]
         ray.sx = ray.d[kx] / ray.d[kz]
         ray.sy = ray.d[ky] / ray.d[kz]
-        ray.dz = WIDE(ray.d[kz])
+        ray.dz = wide(result(local.d[kz]))
         ray.start = local.start
         ray.scale = local.scale
         ray.t_min = t_min
         ray.t_max = t_max
+        if wp.static(has_fine):
+            fine = Sheared()
+            fine.ox = local.o[kx]
+            fine.oy = local.o[ky]
+            fine.oz = local.o[kz]
+            fine.sx = local.d[kx] / local.d[kz]
+            fine.sy = local.d[ky] / local.d[kz]
+            ray.fine = fine
         return ray
 
     return face_ray
 
 
 @cache
-def make_in_range(real):
+def make_in_range(tier: Tier):
     """Whether t_min <= t < t_max holds for the parameter as it will be reported, a finite number.
 
     And, but for the rounding of float32, before it is rounded: where that underflows, what lies behind stays behind.
     """
+    result, wide = tier.result, tier.wide
 
     @wp.func
-    def in_range(t: WIDE, t_min: WIDE, t_max: WIDE):
-        reported = WIDE(real(t))
-        is_reported = reported >= t_min and reported < t_max and reported > WIDE(-wp.inf)
+    def in_range(t: wide, t_min: wide, t_max: wide):
+        reported = wide(result(t))
+        is_reported = reported >= t_min and reported < t_max and reported > wide(-wp.inf)
         return is_reported and t >= from_t_min(t_min) and t < up_to_t_max(t_max)
 
     return in_range
 
 
 @cache
-def make_reported_from(real):
+def make_reported_from(tier: Tier):
     """t, or a parameter at most an ulp above it, that will not be reported as below t."""
+    result, wide = tier.result, tier.wide
 
     @wp.func
-    def reported_from(t: WIDE):
-        if WIDE(real(t)) < t:
-            return t + WIDE(unit_roundoff(real(1.0))) * wp.abs(t)
+    def reported_from(t: wide):
+        if wide(result(t)) < t:
+            return t + wide(unit_roundoff(result(1.0))) * wp.abs(t)
         return t
 
     return reported_from
@@ -77,24 +88,35 @@ def make_reported_from(real):
 @cache
 def make_hit_slot(spec: Spec):
     """Ray against the triangle of one slot, as `hit_triangle`, with the shear taken from the ray."""
-    real = spec.real
-    Mesh, FaceRay = mesh_struct(spec.real, spec.mesh_grid), face_ray_struct(real)
-    at = make_at(real)
+    tier, result = spec.tier, spec.tier.result
+    Mesh, FaceRay, at = mesh_struct(tier, spec.mesh_grid), face_ray_struct(tier), make_at(result)
+
+    @wp.func
+    def hit_corners(corner: wp.array(dtype=result), slot: int, ray: FaceRay, shear: Struct):
+        row = slot_row(slot)
+        kx, ky, kz = row + 8 * ray.kx, row + 8 * ray.ky, row + 8 * ray.kz
+        az = at(corner, kz) - shear.oz
+        bz = at(corner, kz + 24) - shear.oz
+        cz = at(corner, kz + 48) - shear.oz
+        ax = (at(corner, kx) - shear.ox) - shear.sx * az
+        bx = (at(corner, kx + 24) - shear.ox) - shear.sx * bz
+        cx = (at(corner, kx + 48) - shear.ox) - shear.sx * cz
+        ay = (at(corner, ky) - shear.oy) - shear.sy * az
+        by = (at(corner, ky + 24) - shear.oy) - shear.sy * bz
+        cy = (at(corner, ky + 48) - shear.oy) - shear.sy * cz
+        return solve_sheared(ax, ay, az, bx, by, bz, cx, cy, cz, ray.dz)
+
+    if tier.has_fine:
+
+        @wp.func
+        def hit_fine_slot(mesh: Mesh, ray: FaceRay, slot: int):
+            return hit_corners(mesh.fine, slot, ray, ray.fine)
+
+        return hit_fine_slot
 
     @wp.func
     def hit_slot(mesh: Mesh, ray: FaceRay, slot: int):
-        row = slot_row(slot)
-        kx, ky, kz = row + 8 * ray.kx, row + 8 * ray.ky, row + 8 * ray.kz
-        az = at(mesh.corner, kz) - ray.oz
-        bz = at(mesh.corner, kz + 24) - ray.oz
-        cz = at(mesh.corner, kz + 48) - ray.oz
-        ax = (at(mesh.corner, kx) - ray.ox) - ray.sx * az
-        bx = (at(mesh.corner, kx + 24) - ray.ox) - ray.sx * bz
-        cx = (at(mesh.corner, kx + 48) - ray.ox) - ray.sx * cz
-        ay = (at(mesh.corner, ky) - ray.oy) - ray.sy * az
-        by = (at(mesh.corner, ky + 24) - ray.oy) - ray.sy * bz
-        cy = (at(mesh.corner, ky + 48) - ray.oy) - ray.sy * cz
-        return solve_sheared(ax, ay, az, bx, by, bz, cx, cy, cz, ray.dz)
+        return hit_corners(mesh.corner, slot, ray, ray)
 
     return hit_slot
 
@@ -102,15 +124,15 @@ def make_hit_slot(spec: Spec):
 @cache
 def make_try_slot(spec: Spec, any_hit: bool):
     """The better of a hit and the triangle of a slot. With any_hit, the first one counts, marked by t = -inf."""
-    real = spec.real
-    Mesh, FaceRay, FaceHit = mesh_struct(real, spec.mesh_grid), face_ray_struct(real), face_hit_struct(real)
-    hit_slot, in_range, face_at = make_hit_slot(spec), make_in_range(real), make_face_at(real)
+    tier, real, wide = spec.tier, spec.tier.real, spec.tier.wide
+    Mesh, FaceRay, FaceHit = mesh_struct(tier, spec.mesh_grid), face_ray_struct(tier), face_hit_struct(tier)
+    hit_slot, in_range, face_at = make_hit_slot(spec), make_in_range(tier), make_face_at(real)
 
     @wp.func
     def try_slot(mesh: Mesh, ray: FaceRay, slot: int, best: FaceHit) -> FaceHit:
         is_hit, t, _u, _v = hit_slot(mesh, ray, slot)
         t_world = ray.scale * (ray.start + t)
-        if is_hit and t <= WIDE(best.t) and in_range(t_world, ray.t_min, ray.t_max):
+        if is_hit and t <= wide(best.t) and in_range(t_world, ray.t_min, ray.t_max):
             is_better = best.slot < 0 or t_world < best.t_world
             if not is_better and t_world == best.t_world:
                 is_better = face_at(mesh.corner, slot) < face_at(mesh.corner, best.slot)
@@ -128,9 +150,9 @@ def make_try_slot(spec: Spec, any_hit: bool):
 @cache
 def make_hit_faces(spec: Spec, any_hit: bool):
     """Best triangle of a mesh."""
-    real = spec.real
-    Mesh, FaceRay, FaceHit = mesh_struct(real, spec.mesh_grid), face_ray_struct(real), face_hit_struct(real)
-    try_slot, candidates = make_try_slot(spec, any_hit), make_candidates(real)
+    tier = spec.tier
+    Mesh, FaceRay, FaceHit = mesh_struct(tier, spec.mesh_grid), face_ray_struct(tier), face_hit_struct(tier)
+    try_slot, candidates = make_try_slot(spec, any_hit), make_candidates(tier)
 
     @wp.func
     def try_block(mesh: Mesh, ray: FaceRay, block: int, best: FaceHit) -> FaceHit:
@@ -151,7 +173,7 @@ def make_hit_faces(spec: Spec, any_hit: bool):
 
         return hit_every_block
 
-    start_walk, hit_walk = make_start_walk(real), make_hit_walk(spec, any_hit)
+    start_walk, hit_walk = make_start_walk(tier.real), make_hit_walk(spec, any_hit)
 
     @wp.func
     def hit_faces(meshes: wp.array(dtype=Mesh), m: int, ray: FaceRay, best: FaceHit) -> FaceHit:
@@ -163,9 +185,9 @@ def make_hit_faces(spec: Spec, any_hit: bool):
 @cache
 def make_hit_walk(spec: Spec, any_hit: bool):
     """Best triangle of a mesh on a walk that begins."""
-    real = spec.real
-    Mesh, FaceRay, FaceHit = mesh_struct(real, True), face_ray_struct(real), face_hit_struct(real)
-    Walk, next_slot, try_slot = walk_struct(real), make_next_slot(real), make_try_slot(spec, any_hit)
+    tier = spec.tier
+    Mesh, FaceRay, FaceHit = mesh_struct(tier, True), face_ray_struct(tier), face_hit_struct(tier)
+    Walk, next_slot, try_slot = walk_struct(tier.real), make_next_slot(tier), make_try_slot(spec, any_hit)
 
     @wp.func
     def hit_walk(meshes: wp.array(dtype=Mesh), m: int, ray: FaceRay, walk: Walk, best: FaceHit) -> FaceHit:

@@ -3,6 +3,7 @@
 from typing import Any
 
 Real = Any
+Wide = Any
 Vec3 = Any
 Mat33 = Any
 Struct = Any

@@ -5,10 +5,10 @@ from functools import cache
 import warp as wp
 
 from .box import enter_box
-from .memory import int_at, mat33d_at, vec3d_at
+from .memory import int_at, make_at
 from .rounding import from_t_min, larger, largest, power_of_two_below, safe_reciprocal, shortened, unit_roundoff
 from .spec import ShapeKind, Spec
-from .structs import WIDE, local_ray_struct, scene_struct
+from .structs import local_ray_struct, mat33, scene_struct, vec3
 from .transform import location_to_local, offset
 
 
@@ -24,28 +24,36 @@ def advance(t: wp.float64):
     return shortened(t)
 
 
+@wp.func
+def advance(t: wp.float32):
+    """A parameter a little before t."""
+    return t - wp.float32(4.0) * unit_roundoff(t) * wp.abs(t)
+
+
 @cache
 def make_enter(spec: Spec):
-    """Ray and instance to local ray. In float64 throughout: this is where float32 would cancel."""
-    Scene, LocalRay = scene_struct(spec), local_ray_struct(WIDE)
+    """Ray and instance to local ray. In float64, but for `fast`: this is where float32 would cancel."""
+    wide = spec.tier.wide
+    vec = vec3(wide)
+    Scene, LocalRay, vec_at, mat_at = scene_struct(spec), local_ray_struct(wide), make_at(vec), make_at(mat33(wide))
     has_plane = ShapeKind.PLANE in spec.shapes
 
     @wp.func
-    def enter(scene: Scene, i: int, o: wp.vec3d, d: wp.vec3d, t_min: WIDE, t_max: WIDE) -> LocalRay:
-        w = mat33d_at(scene.instances.local_from_world, i)
+    def enter(scene: Scene, i: int, o: vec, d: vec, t_min: wide, t_max: wide) -> LocalRay:
+        w = mat_at(scene.instances.local_from_world, i)
         shape = scene.shape[int_at(scene.instances.shape, i)]
         ray = LocalRay()
-        ray.o = location_to_local(w, vec3d_at(scene.instances.origin, i), o)
+        ray.o = location_to_local(w, vec_at(scene.instances.origin, i), o)
         ray.d = offset(w, d)
         ray.scale = power_of_two_below(largest(ray.d))
-        ray.inv_scale = WIDE(1.0) / ray.scale
+        ray.inv_scale = wide(1.0) / ray.scale
         ray.d = ray.scale * ray.d
         ray.is_hit = True
         if wp.static(has_plane):
             if shape.kind == wp.static(int(ShapeKind.PLANE)):
                 return ray
-        pad = wp.vec3d(shape.pad, shape.pad, shape.pad)
-        near, far = enter_box(ray.o, safe_reciprocal(ray.d, WIDE(1.0)), shape.lower - pad, shape.upper + pad)
+        pad = vec(shape.pad, shape.pad, shape.pad)
+        near, far = enter_box(ray.o, safe_reciprocal(ray.d, wide(1.0)), shape.lower - pad, shape.upper + pad)
         first = from_t_min(t_min) * ray.inv_scale
         ray.is_hit = near <= far and first <= far
         ray.start = advance(larger(near, first))

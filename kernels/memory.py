@@ -21,4 +21,3 @@ def make_at(dtype):
 
 int_at = make_at(wp.int32)
 vec3d_at = make_at(wp.vec3d)
-mat33d_at = make_at(wp.mat33d)

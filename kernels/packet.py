@@ -10,18 +10,19 @@ import warp as wp
 
 from .blocks import lowest_lane, make_face_at, native_code
 from .faces import make_hit_walk
-from .memory import int_at, mat33d_at, vec3d_at
-from .spec import Spec
+from .memory import int_at, make_at
+from .spec import Spec, Tier
 from .structs import (
-    WIDE,
     face_hit_struct,
     face_ray_struct,
     grid_struct,
     hit_arrays_struct,
     hit_struct,
     make_struct,
+    mat33,
     rays_struct,
     scene_struct,
+    vec3,
 )
 from .trace import make_closer
 from .tree_walk import walk_struct
@@ -31,10 +32,11 @@ PACKET = 8
 
 LOAD = """
 #if !defined(__CUDA_ARCH__)
-    typedef double D __attribute__((ext_vector_type(8), aligned(8)));
+    typedef WIDE D __attribute__((ext_vector_type(8), aligned(4)));
+    typedef double E __attribute__((ext_vector_type(8), aligned(8)));
     typedef float F __attribute__((ext_vector_type(8), aligned(4)));
     typedef int I __attribute__((ext_vector_type(8), aligned(4)));
-    typedef long long L __attribute__((ext_vector_type(8), aligned(8)));
+    typedef decltype(D{} < D{}) L;
     // Eight vectors of three, as three vectors of eight.
     const auto split = [](auto a, auto b, auto c, D* v) {
         v[0] = __builtin_convertvector(__builtin_shufflevector(
@@ -51,10 +53,10 @@ LOAD = """
                 const int k = i < 3 * count ? i : 0;
                 rest[i] = rays.is_wide ? ((const double*)(wide + first))[k] : ((const float*)(narrow + first))[k];
             }
-            const D* p = (const D*)rest;
+            const E* p = (const E*)rest;
             split(p[0], p[1], p[2], v);
         } else if (rays.is_wide) {
-            const D* p = (const D*)(wide + first);
+            const E* p = (const E*)(wide + first);
             split(p[0], p[1], p[2], v);
         } else {
             const F* p = (const F*)(narrow + first);
@@ -62,8 +64,8 @@ LOAD = """
         }
     };
     const auto limit = [&](const double* t, int step) -> D {
-        if (step == 0) return D{} + t[0];
-        if (count == 8) return *(const D*)(t + first);
+        if (step == 0) return D{} + (WIDE)t[0];
+        if (count == 8) return __builtin_convertvector(*(const E*)(t + first), D);
         D v = {};
         for (int lane = 0; lane < count; ++lane) v[lane] = t[first + lane];
         return v;
@@ -74,14 +76,14 @@ LOAD = """
     const D t_min = limit(rays.t_min.data, rays.t_min_step), t_max = limit(rays.t_max.data, rays.t_max_step);
     const L lane = {0, 1, 2, 3, 4, 5, 6, 7};
     const auto is_lane = lane < L{} + count;
-    const D no_number = D{} + NAN;
+    const D no_number = D{} + (WIDE)NAN;
 #else
-    typedef double D;
+    typedef WIDE D;
     typedef int I;
     D o[3], d[3];
     for (int axis = 0; axis < 3; ++axis) {
-        o[axis] = rays.is_wide ? rays.origin_wide.data[first][axis] : (double)rays.origin.data[first][axis];
-        d[axis] = rays.is_wide ? rays.direction_wide.data[first][axis] : (double)rays.direction.data[first][axis];
+        o[axis] = rays.is_wide ? (D)rays.origin_wide.data[first][axis] : (D)rays.origin.data[first][axis];
+        d[axis] = rays.is_wide ? (D)rays.direction_wide.data[first][axis] : (D)rays.direction.data[first][axis];
     }
     const D t_min = rays.t_min.data[first * rays.t_min_step], t_max = rays.t_max.data[first * rays.t_max_step];
     const bool is_lane = true;
@@ -98,7 +100,7 @@ LOAD = """
     }
     const auto is_ray = is_lane & (nothing == zero) & moves & (t_min <= t_max);
     // Nothing is below NaN: what is not a ray enters nothing.
-    *(D*)&packet.t[0] = is_ray ? t_max + 2.384185791015625e-07 * (t_max < zero ? -t_max : t_max) : no_number;
+    *(D*)&packet.t[0] = is_ray ? t_max + (WIDE)2.384185791015625e-07 * (t_max < zero ? -t_max : t_max) : no_number;
     *(D*)&packet.t_min[0] = t_min;
     *(D*)&packet.t_max[0] = t_max;
     *(I*)&packet.instance[0] = I{} - 1;
@@ -107,26 +109,26 @@ LOAD = """
 
 STORE = """
 #if !defined(__CUDA_ARCH__)
-    typedef double D __attribute__((ext_vector_type(8), aligned(8)));
+    typedef WIDE D __attribute__((ext_vector_type(8), aligned(4)));
     typedef REAL R __attribute__((ext_vector_type(8), aligned(4)));
     typedef int I __attribute__((ext_vector_type(8), aligned(4)));
     typedef decltype(R{} < R{}) S;
     typedef bool B8 __attribute__((ext_vector_type(8)));
     const I instance = *(const I*)&packet.instance[0];
     const S is_hit = __builtin_convertvector(instance >= 0, S);
-    *(R*)&packet.limit[0] = is_hit ? __builtin_convertvector(*(const D*)&packet.t[0], R) : R{} + (REAL)INFINITY;
+    const R t = is_hit ? __builtin_convertvector(*(const D*)&packet.t[0], R) : R{} + (REAL)INFINITY;
     if (count == 8) {
-        if (hits.t.shape[0] > 0) *(R*)(hits.t.data + first) = *(const R*)&packet.limit[0];
+        if (hits.t.shape[0] > 0) *(R*)(hits.t.data + first) = t;
         if (hits.instance_id.shape[0] > 0) *(I*)(hits.instance_id.data + first) = instance;
         if (hits.primitive_id.shape[0] > 0) *(I*)(hits.primitive_id.data + first) = *(const I*)&packet.primitive[0];
         for (int lane = 0; lane < 8 && hits.hit.shape[0] > 0; ++lane) hits.hit.data[first + lane] = instance[lane] >= 0;
         return;
     }
 #else
-    packet.limit[0] = packet.instance[0] >= 0 ? (REAL)packet.t[0] : (REAL)INFINITY;
+    const REAL t[1] = {packet.instance[0] >= 0 ? (REAL)packet.t[0] : (REAL)INFINITY};
 #endif
     for (int lane = 0; lane < count; ++lane) {
-        if (hits.t.shape[0] > 0) hits.t.data[first + lane] = packet.limit[lane];
+        if (hits.t.shape[0] > 0) hits.t.data[first + lane] = t[lane];
         if (hits.instance_id.shape[0] > 0) hits.instance_id.data[first + lane] = packet.instance[lane];
         if (hits.primitive_id.shape[0] > 0) hits.primitive_id.data[first + lane] = packet.primitive[lane];
         if (hits.hit.shape[0] > 0) hits.hit.data[first + lane] = packet.instance[lane] >= 0;
@@ -135,8 +137,8 @@ STORE = """
 
 ENTER = """
 #if !defined(__CUDA_ARCH__)
-    typedef double D __attribute__((ext_vector_type(8), aligned(8)));
-    typedef long long L __attribute__((ext_vector_type(8), aligned(8)));
+    typedef WIDE D __attribute__((ext_vector_type(8), aligned(4)));
+    typedef LONG L __attribute__((ext_vector_type(8), aligned(4)));
     typedef REAL R __attribute__((ext_vector_type(8), aligned(4)));
     typedef decltype(R{} < R{}) S;
     typedef int I __attribute__((ext_vector_type(8), aligned(4)));
@@ -149,13 +151,13 @@ ENTER = """
     const auto real = [](I x) { return __builtin_convertvector(x, R); };
     const auto choice = [](S x) { return __builtin_convertvector(x, I); };
 #else
-    typedef double D;
-    typedef long long L;
+    typedef WIDE D;
+    typedef LONG L;
     typedef REAL R;
     typedef int S;
     typedef int I;
-    const auto bits = [](D x) { return __double_as_longlong(x); };
-    const auto number = [](L x) { return __longlong_as_double(x); };
+    const auto bits = [](D x) { return WIDE_AS_LONG(x); };
+    const auto number = [](L x) { return LONG_AS_WIDE(x); };
     const auto wide = [](R x) { return (D)x; };
     const auto narrow = [](D x) { return (R)x; };
     const auto whole = [](R x) { return (I)x; };
@@ -176,14 +178,14 @@ ENTER = """
     const D ax = d[0] < zero ? -d[0] : d[0], ay = d[1] < zero ? -d[1] : d[1], az = d[2] < zero ? -d[2] : d[2];
     D size = ay > ax ? ay : ax;
     size = az > size ? az : size;
-    const L exponent = (bits(size) >> 52) & 2047;
-    const L half = L{} + (1ll << 51);
-    const D scale = number(exponent == 2046 ? half : (2046 - exponent) << 52);
-    const D inv_scale = 1.0 / scale;
+    const L exponent = (bits(size) >> DIGITS) & (2 * BIAS + 1);
+    const L half = L{} + ((LONG)1 << (DIGITS - 1));
+    const D scale = number(exponent == 2 * BIAS ? half : (2 * BIAS - exponent) << DIGITS);
+    const D inv_scale = (WIDE)1.0 / scale;
     for (int axis = 0; axis < 3; ++axis) {
         d[axis] = scale * d[axis];
-        const D tiny = zero + 1e-30, size = d[axis] < zero ? -d[axis] : d[axis];
-        const D inv = 1.0 / (size < tiny ? (d[axis] < zero ? -tiny : tiny) : d[axis]);
+        const D tiny = zero + (WIDE)1e-30, size = d[axis] < zero ? -d[axis] : d[axis];
+        const D inv = (WIDE)1.0 / (size < tiny ? (d[axis] < zero ? -tiny : tiny) : d[axis]);
         const D first = ((lower[axis] - pad) - o[axis]) * inv, second = ((upper[axis] + pad) - o[axis]) * inv;
         near[axis] = second < first ? second : first;
         far[axis] = second > first ? second : first;
@@ -193,11 +195,10 @@ ENTER = """
     leaves = far[2] < leaves ? far[2] : leaves;
     const D best = *(const D*)&packet.t[0];
     const D t_min = *(const D*)&packet.t_min[0];
-    const D first = (t_min - 1.1920928955078125e-07 * (t_min < zero ? -t_min : t_min)) * inv_scale;
+    const D first = (t_min - (WIDE)1.1920928955078125e-07 * (t_min < zero ? -t_min : t_min)) * inv_scale;
     D start = first > enters ? first : enters;
     const D far_off = start < zero ? -start : start;
-    const D shifted = start < zero ? start * 1.0000001 : start;
-    start = far_off > 1.0e7 ? start - 3.5527136788005009e-15 * far_off : number(bits(shifted) & -67108864);
+    ADVANCE
     auto is_met = (enters <= leaves) & (first <= leaves) & (scale * start <= best);
 #if !defined(__CUDA_ARCH__)
     const int met = __builtin_bit_cast(unsigned char, __builtin_convertvector(is_met, B8));
@@ -207,10 +208,11 @@ ENTER = """
     if (met == 0) return 0;
     *(D*)&packet.start[0] = start;
     *(D*)&packet.scale[0] = scale;
+    KEEP
     const D reach = best * inv_scale;
     const D terms = (reach < zero ? -reach : reach) + (start < zero ? -start : start);
-    const R limit = narrow((reach - start) + 4.44089209850062616e-16 * terms);
-    *(R*)&packet.limit[0] = limit + (R)(ROUNDINGS * (limit < none ? -limit : limit));
+    const R limit = narrow((reach - start) + (WIDE)SUM_ROUNDINGS * terms);
+    *(R*)&packet.limit[0] = limit + (R)((REAL)ROUNDINGS * (limit < none ? -limit : limit));
     // faces.py: face_ray
     R ro[3], rd[3], inv[3], magnitude[3];
     for (int axis = 0; axis < 3; ++axis) {
@@ -260,7 +262,7 @@ TAKE = """
     ray.ox = packet.ray[72 + lane], ray.oy = packet.ray[80 + lane], ray.oz = packet.ray[88 + lane];
     ray.sx = packet.ray[96 + lane], ray.sy = packet.ray[104 + lane];
     ray.kx = packet.axis[lane], ray.ky = packet.axis[8 + lane], ray.kz = packet.axis[16 + lane];
-    ray.dz = packet.ray[24 + 8 * ray.kz + lane];
+    TAKE_SHEAR
     ray.start = packet.start[lane], ray.scale = packet.scale[lane];
     ray.t_min = packet.t_min[lane], ray.t_max = packet.t_max[lane];
     walk.x = packet.axis[24 + lane], walk.y = packet.axis[32 + lane], walk.z = packet.axis[40 + lane];
@@ -268,54 +270,95 @@ TAKE = """
     walk.block = -2, walk.left = 0, walk.depth = 0;
 """
 
+SHORTENED = """
+    const D shifted = start < zero ? start * 1.0000001 : start;
+    start = far_off > 1.0e7 ? start - 3.5527136788005009e-15 * far_off : number(bits(shifted) & -67108864);
+"""
+
+KEEP_FINE = """
+    for (int axis = 0; axis < 3; ++axis) {
+        *(D*)&packet.fine[8 * axis] = o[axis] + start * d[axis];
+        *(D*)&packet.fine[24 + 8 * axis] = d[axis];
+    }
+"""
+
+TAKE_FINE = """
+    ray.fine.ox = packet.fine[8 * ray.kx + lane];
+    ray.fine.oy = packet.fine[8 * ray.ky + lane];
+    ray.fine.oz = packet.fine[8 * ray.kz + lane];
+    ray.dz = packet.fine[24 + 8 * ray.kz + lane];
+    ray.fine.sx = packet.fine[24 + 8 * ray.kx + lane] / ray.dz;
+    ray.fine.sy = packet.fine[24 + 8 * ray.ky + lane] / ray.dz;
+"""
+
+
+def packet_code(code: str, tier: Tier, real: type | None = None) -> str:
+    """The code for a tier; REAL is the arithmetic of its walks unless another is named."""
+    is_double, is_real_double = tier.wide is wp.float64, tier.real is wp.float64
+    tokens = {
+        "ADVANCE": SHORTENED if is_double else "start = start - (WIDE)SUM_ROUNDINGS * far_off;",
+        "KEEP": KEEP_FINE if tier.has_fine else "",
+        "TAKE_SHEAR": TAKE_FINE if tier.has_fine else "ray.dz = packet.ray[24 + 8 * ray.kz + lane];",
+        "SUM_ROUNDINGS": "4.440892098500626e-16" if is_double else "2.384185791015625e-07",
+        "ROUNDINGS": "2.220446049250313e-16" if is_real_double else "1.1920928955078125e-07",
+        "WIDE_AS_LONG": "__double_as_longlong" if is_double else "__float_as_int",
+        "LONG_AS_WIDE": "__longlong_as_double" if is_double else "__int_as_float",
+        "WIDE": "double" if is_double else "float",
+        "LONG": "long long" if is_double else "int",
+        "DIGITS": "52" if is_double else "23",
+        "BIAS": "1023" if is_double else "127",
+    }
+    for token, text in tokens.items():
+        code = code.replace(token, text)
+    return native_code(code, real or tier.real)
+
 
 @cache
-def packet_struct(real):
+def packet_struct(tier: Tier):
     """Eight rays and their best hits; in the space of a mesh, what `face_ray_struct` and `walk_struct` hold of each."""
-    wide, narrow, whole = (wp.types.vector(8, dtype) for dtype in (WIDE, real, wp.int32))
-    return make_struct(
-        "Packet",
-        {
-            "world": wp.types.vector(48, WIDE),  # origin x y z, direction x y z
-            "t_min": wide,
-            "t_max": wide,
-            "t": wide,  # nothing beyond it counts; NaN for what is not a ray
-            "instance": whole,
-            "primitive": whole,
-            "start": wide,
-            "scale": wide,
-            "limit": narrow,  # t as a parameter of the local ray
-            "ray": wp.types.vector(136, real),  # o d inv_d; ox oy oz sx sy; tx ty tz
-            "axis": wp.types.vector(48, wp.int32),  # kx ky kz; x y z
-        },
-    )
+    wide, narrow, whole = (wp.types.vector(8, dtype) for dtype in (tier.wide, tier.real, wp.int32))
+    fields = {
+        "world": wp.types.vector(48, tier.wide),  # origin x y z, direction x y z
+        "t_min": wide,
+        "t_max": wide,
+        "t": wide,  # nothing beyond it counts; NaN for what is not a ray
+        "instance": whole,
+        "primitive": whole,
+        "start": wide,
+        "scale": wide,
+        "limit": narrow,  # t as a parameter of the local ray
+        "ray": wp.types.vector(136, tier.real),  # o d inv_d; ox oy oz sx sy; tx ty tz
+        "axis": wp.types.vector(48, wp.int32),  # kx ky kz; x y z
+    }
+    if tier.has_fine:
+        fields["fine"] = wp.types.vector(48, tier.result)  # o d of the local ray
+    return make_struct("Packet", fields)
 
 
 @cache
-def make_load_packet(real):
+def make_load_packet(tier: Tier):
     """Fills a packet with rays first .. first + count - 1 that have hit nothing yet."""
-    Packet, Rays = packet_struct(real), rays_struct()
+    Packet, Rays = packet_struct(tier), rays_struct()
 
-    @wp.func_native(LOAD)
+    @wp.func_native(packet_code(LOAD, tier))
     def load_packet(packet: wp.ref[Packet], rays: wp.ref[Rays], first: int, count: int): ...
 
     return load_packet
 
 
 @cache
-def make_enter_packet(real):
+def make_enter_packet(tier: Tier):
     """Takes a packet to a mesh: the lanes, as bits of an int, of the rays that meet its bounds within their limits."""
-    Packet, Grid = packet_struct(real), grid_struct(real)
-    code = ENTER.replace("ROUNDINGS", "(REAL)1.1920928955078125e-07" if real is wp.float32 else "2.220446049250313e-16")
+    Packet, Grid, vec, mat = packet_struct(tier), grid_struct(tier.real), vec3(tier.wide), mat33(tier.wide)
 
-    @wp.func_native(native_code(code, real))
+    @wp.func_native(packet_code(ENTER, tier))
     def enter_packet(
         packet: wp.ref[Packet],
-        w: wp.mat33d,
-        b: wp.vec3d,
-        lower: wp.vec3d,
-        upper: wp.vec3d,
-        pad: WIDE,
+        w: mat,
+        b: vec,
+        lower: vec,
+        upper: vec,
+        pad: tier.wide,
         grid: wp.ref[Grid],
     ) -> int: ...
 
@@ -323,22 +366,22 @@ def make_enter_packet(real):
 
 
 @cache
-def make_take_lane(real):
+def make_take_lane(tier: Tier):
     """One ray of a packet, as the walk through a mesh wants it."""
-    Packet, FaceRay, Walk = packet_struct(real), face_ray_struct(real), walk_struct(real)
+    Packet, FaceRay, Walk = packet_struct(tier), face_ray_struct(tier), walk_struct(tier.real)
 
-    @wp.func_native(native_code(TAKE, real))
+    @wp.func_native(packet_code(TAKE, tier))
     def take_lane(packet: wp.ref[Packet], lane: int, ray: wp.ref[FaceRay], walk: wp.ref[Walk]): ...
 
     return take_lane
 
 
 @cache
-def make_store_packet(real):
+def make_store_packet(tier: Tier):
     """Stores t, ids and whether anything was hit of rays first .. first + count - 1, those that are asked for."""
-    Packet, Arrays = packet_struct(real), hit_arrays_struct(real)
+    Packet, Arrays = packet_struct(tier), hit_arrays_struct(tier.result)
 
-    @wp.func_native(native_code(STORE, real))
+    @wp.func_native(packet_code(STORE, tier, tier.result))
     def store_packet(packet: wp.ref[Packet], hits: wp.ref[Arrays], first: int, count: int): ...
 
     return store_packet
@@ -350,11 +393,12 @@ def make_trace_packet(spec: Spec, any_hit: bool):
 
     What `make_trace` finds for each ray, but that the primitive is the user's number of the face.
     """
-    real = spec.real
-    Scene, Packet, Rays, Hit = scene_struct(spec), packet_struct(real), rays_struct(), hit_struct()
-    FaceRay, FaceHit, Walk = face_ray_struct(real), face_hit_struct(real), walk_struct(real)
-    load_packet, enter_packet, take_lane = make_load_packet(real), make_enter_packet(real), make_take_lane(real)
-    hit_walk, closer, face_at = make_hit_walk(spec, any_hit), make_closer(spec, any_hit), make_face_at(real)
+    tier, wide = spec.tier, spec.tier.wide
+    Scene, Packet, Rays, Hit = scene_struct(spec), packet_struct(tier), rays_struct(), hit_struct(wide)
+    FaceRay, FaceHit, Walk = face_ray_struct(tier), face_hit_struct(tier), walk_struct(tier.real)
+    load_packet, enter_packet, take_lane = make_load_packet(tier), make_enter_packet(tier), make_take_lane(tier)
+    hit_walk, closer, face_at = make_hit_walk(spec, any_hit), make_closer(spec, any_hit), make_face_at(tier.real)
+    vec_at, mat_at = make_at(vec3(wide)), make_at(mat33(wide))
 
     @wp.func
     def hit_lane(scene: Scene, packet: wp.ref[Packet], lane: int, i: int, m: int):
@@ -380,7 +424,7 @@ def make_trace_packet(spec: Spec, any_hit: bool):
         while k < scene.instances.count:
             i = int_at(scene.instances.order, k)
             shape = scene.shape[int_at(scene.instances.shape, i)]
-            w, b = mat33d_at(scene.instances.local_from_world, i), vec3d_at(scene.instances.origin, i)
+            w, b = mat_at(scene.instances.local_from_world, i), vec_at(scene.instances.origin, i)
             grid = scene.mesh[shape.mesh].trees.grid
             left = enter_packet(packet, w, b, shape.lower, shape.upper, shape.pad, grid)
             while left != 0:

@@ -2,11 +2,11 @@
 
 import warp as wp
 
-from .generic import Real, Vec3
+from .generic import Real, Vec3, Wide
 
 OPTIONS = {"fast_math": False, "fuse_fp": False}
-"""Of every module: rounding counts and exact signs need each operation rounded on its own, whatever the user's global
-options are."""
+"""Of every module but those that trace in `fast`: rounding counts and exact signs need each operation rounded on its
+own, whatever the user's global options are."""
 
 
 @wp.func
@@ -50,38 +50,44 @@ def fused(a: wp.float64, b: wp.float64, c: wp.float64) -> wp.float64: ...
 
 
 @wp.func
-def from_t_min(t_min: wp.float64):
+def from_t_min(t_min: Real):
     """The least parameter that a float32 may report as t_min: half an ulp below it at the most."""
-    return t_min - wp.float64(1.1920928955078125e-07) * wp.abs(t_min)
+    return t_min - type(t_min)(1.1920928955078125e-07) * wp.abs(t_min)
 
 
 @wp.func
-def up_to_t_max(t_max: wp.float64):
+def up_to_t_max(t_max: Real):
     """More than what a float32 may report as below t_max: half an ulp above it at the most."""
-    return t_max + wp.float64(2.384185791015625e-07) * wp.abs(t_max)
+    return t_max + type(t_max)(2.384185791015625e-07) * wp.abs(t_max)
 
 
 @wp.func
-def real_above(x: wp.float64, like: Real):
+def real_above(x: Wide, like: Real):
     """X in the type of `like`, at least as large as x but for underflow."""
     y = type(like)(x)
     return y + type(like)(2.0) * unit_roundoff(y) * wp.abs(y)
 
 
 @wp.func
-def rounding_of_sum(a: wp.float64, b: wp.float64):
+def rounding_of_sum(a: Real, b: Real):
     """More than what b can differ by while a + b rounds to the same float."""
-    return wp.float64(4.0) * unit_roundoff(a) * (wp.abs(a) + wp.abs(b))
+    return type(a)(4.0) * unit_roundoff(a) * (wp.abs(a) + wp.abs(b))
 
 
 @wp.func
-def difference_of_products(a: wp.float32, b: wp.float32, c: wp.float32, d: wp.float32):
+def difference_of_products(a: wp.float32, b: wp.float32, c: wp.float32, d: wp.float32, like: wp.float32):
+    """A b - c d as it comes, for those who ask for no more than float32."""
+    return a * b - c * d
+
+
+@wp.func
+def difference_of_products(a: wp.float32, b: wp.float32, c: wp.float32, d: wp.float32, like: wp.float64):
     """A b - c d in float64, where the products of float32 are exact: one rounding, so the sign is exact."""
     return wp.float64(a) * wp.float64(b) - wp.float64(c) * wp.float64(d)
 
 
 @wp.func
-def difference_of_products(a: wp.float64, b: wp.float64, c: wp.float64, d: wp.float64):
+def difference_of_products(a: wp.float64, b: wp.float64, c: wp.float64, d: wp.float64, like: wp.float64):
     """A b - c d to 1.5 ulp, hence with the exact sign (Kahan; Jeannerod, Louvet & Muller 2013)."""
     cd = c * d
     error = fused(-c, d, cd)

@@ -1,7 +1,11 @@
 """All compile-time choices: two frozen records, on which the factories are memoised."""
 
 from dataclasses import dataclass
-from enum import IntEnum
+from enum import Enum, IntEnum
+
+import warp as wp
+
+from .rounding import OPTIONS
 
 
 class ShapeKind(IntEnum):
@@ -13,12 +17,49 @@ class ShapeKind(IntEnum):
     MESH = 3
 
 
+class Tier(Enum):
+    """Accuracy: which arithmetic each part of a trace is in. The values are the names that users know."""
+
+    FAST = "fast"
+    """float32 throughout; products and sums may be fused, and nothing is promised."""
+    ROBUST = "robust"
+    """float32 on the way through a mesh and against its faces, float64 where that would cancel."""
+    MIXED = "mixed"
+    """float32 on the way to faces, with bounds that allow for it; float64 against them."""
+    DOUBLE = "double"
+    """float64 throughout."""
+
+    @property
+    def real(self) -> type:
+        """Of the way through a mesh."""
+        return wp.float64 if self is Tier.DOUBLE else wp.float32
+
+    @property
+    def result(self) -> type:
+        """Of the test of a face, and of results."""
+        return wp.float64 if self in (Tier.MIXED, Tier.DOUBLE) else wp.float32
+
+    @property
+    def wide(self) -> type:
+        """Of placements, rays in world and local space, shapes with an equation, and signs of edge functions."""
+        return wp.float32 if self is Tier.FAST else wp.float64
+
+    @property
+    def has_fine(self) -> bool:
+        """Whether faces are tested in another arithmetic than the one in which they are found."""
+        return self is Tier.MIXED
+
+    @property
+    def options(self) -> dict[str, bool]:
+        """Of the modules that trace."""
+        return {"fast_math": True, "fuse_fp": True} if self is Tier.FAST else OPTIONS
+
+
 @dataclass(frozen=True)
 class Spec:
     """Geometry of a scene as far as it decides which code exists."""
 
-    real: type
-    """Arithmetic inside a mesh, and the type of results: wp.float32 (robust) or wp.float64 (double)."""
+    tier: Tier
     shapes: frozenset[ShapeKind]
     instance_grid: bool = True
     """Instances are found through a grid. False: each one is tested."""

@@ -4,10 +4,10 @@ from functools import cache
 
 import warp as wp
 
-from .spec import Look, Spec
+from .spec import Look, Spec, Tier
 
 WIDE = wp.float64
-"""Arithmetic of what float32 would cancel: placements, local rays, analytic shapes, exact signs."""
+"""Arithmetic in which structures are built, cameras aim and limits are stored, whatever the tier."""
 
 
 def make_struct(name: str, fields: dict) -> type:
@@ -18,6 +18,11 @@ def make_struct(name: str, fields: dict) -> type:
 def vec3(real):
     """The vector of three reals."""
     return wp.types.vector(3, real)
+
+
+def mat33(real):
+    """The matrix of three rows of three reals."""
+    return wp.types.matrix((3, 3), real)
 
 
 @cache
@@ -51,25 +56,27 @@ def trees_struct(real):
 
 
 @cache
-def mesh_struct(real, has_grid: bool):
+def mesh_struct(tier: Tier, has_grid: bool):
     """A triangle mesh in its canonical space: centred, longest half extent in [1/2, 1], by a power of two."""
     fields = {
         "block_count": wp.int32,
-        "corner": wp.array(dtype=real),  # [80 blocks]  see blocks.py; a face without area is three equal points
+        "corner": wp.array(dtype=tier.real),  # [80 blocks]  see blocks.py; a face without area is three equal points
     }
+    if tier.has_fine:
+        fields["fine"] = wp.array(dtype=tier.result)  # [80 blocks]  the same corners, with which faces are tested
     if has_grid:
-        fields["trees"] = trees_struct(real)  # of blocks
+        fields["trees"] = trees_struct(tier.real)  # of blocks
     return make_struct("Mesh", fields)
 
 
 @cache
-def shape_struct(has_mesh: bool):
+def shape_struct(wide, has_mesh: bool):
     """A shape in its canonical space, with the bounds to which a ray is advanced."""
     fields = {
         "kind": wp.int32,
-        "lower": wp.vec3d,
-        "upper": wp.vec3d,  # sphere: r in each component; plane, which has no bounds: its normal
-        "pad": WIDE,  # added to the bounds on all sides before a ray is held against them
+        "lower": vec3(wide),
+        "upper": vec3(wide),  # sphere: r in each component; plane, which has no bounds: its normal
+        "pad": wide,  # added to the bounds on all sides before a ray is held against them
     }
     if has_mesh:
         fields["mesh"] = wp.int32
@@ -77,22 +84,22 @@ def shape_struct(has_mesh: bool):
 
 
 @cache
-def instances_struct(has_grid: bool):
+def instances_struct(wide, has_grid: bool):
     """Placements x_world = A x_canonical + origin."""
     fields = {
         "count": wp.int32,
         "shape": wp.array(dtype=wp.int32),
-        "local_from_world": wp.array(dtype=wp.mat33d),  # W, the inverse of A
-        "world_from_local": wp.array(dtype=wp.mat33d),  # A
-        "origin": wp.array(dtype=wp.vec3d),
+        "local_from_world": wp.array(dtype=mat33(wide)),  # W, the inverse of A
+        "world_from_local": wp.array(dtype=mat33(wide)),  # A
+        "origin": wp.array(dtype=vec3(wide)),
         "order": wp.array(dtype=wp.int32),  # instances that no grid lists come first
         "loose_count": wp.int32,  # how many those are
     }
     if has_grid:
         fields |= {
-            "trees": trees_struct(WIDE),  # of instances
-            "center": wp.vec3d,  # the grid is relative to it
-            "reach": WIDE,  # rays from farther away, whose rounding may exceed the padding, test every instance
+            "trees": trees_struct(wide),  # of instances
+            "center": vec3(wide),  # the grid is relative to it
+            "reach": wide,  # rays from farther away, whose rounding may exceed the padding, test every instance
         }
     return make_struct("Instances", fields)
 
@@ -101,90 +108,97 @@ def instances_struct(has_grid: bool):
 def scene_struct(spec: Spec):
     """All geometry."""
     fields = {
-        "instances": instances_struct(spec.instance_grid),
-        "shape": wp.array(dtype=shape_struct(spec.has_mesh)),
+        "instances": instances_struct(spec.tier.wide, spec.instance_grid),
+        "shape": wp.array(dtype=shape_struct(spec.tier.wide, spec.has_mesh)),
     }
     if spec.has_mesh:
-        fields["mesh"] = wp.array(dtype=mesh_struct(spec.real, spec.mesh_grid))
+        fields["mesh"] = wp.array(dtype=mesh_struct(spec.tier, spec.mesh_grid))
     return make_struct("Scene", fields)
 
 
 @cache
-def local_ray_struct(real):
+def local_ray_struct(wide):
     """A ray in canonical space: the world parameter is scale * (start + t)."""
     return make_struct(
         "LocalRay",
         {
             "is_hit": wp.bool,  # whether it meets the bounds
-            "o": vec3(real),  # already at the bounds
-            "d": vec3(real),  # largest component in [1, 2)
-            "start": WIDE,
-            "scale": WIDE,
-            "inv_scale": WIDE,  # 1 / scale, exact
+            "o": vec3(wide),  # already at the bounds
+            "d": vec3(wide),  # largest component in [1, 2)
+            "start": wide,
+            "scale": wide,
+            "inv_scale": wide,  # 1 / scale, exact
         },
     )
 
 
 @cache
-def world_ray_struct():
+def world_ray_struct(wide):
     """A ray as the user gave it, with what the grid over instances needs."""
     return make_struct(
         "WorldRay",
         {
-            "o": wp.vec3d,  # relative to the centre of the grid, where the ray enters it
-            "d": wp.vec3d,
-            "inv_d": wp.vec3d,
-            "o_world": wp.vec3d,
-            "t_start": WIDE,  # where that is
-            "t_min": WIDE,
-            "t_max": WIDE,
+            "o": vec3(wide),  # relative to the centre of the grid, where the ray enters it
+            "d": vec3(wide),
+            "inv_d": vec3(wide),
+            "o_world": vec3(wide),
+            "t_start": wide,  # where that is
+            "t_min": wide,
+            "t_max": wide,
         },
     )
 
 
 @cache
-def face_ray_struct(real):
+def sheared_struct(real):
+    """What shears a ray onto its main axis: the origin along each axis, and the slopes."""
+    return make_struct("Sheared", {"ox": real, "oy": real, "oz": real, "sx": real, "sy": real})
+
+
+@cache
+def face_ray_struct(tier: Tier):
     """A local ray sheared onto its main axis, with the limits a hit must keep."""
-    return make_struct(
-        "FaceRay",
-        {
-            "o": vec3(real),
-            "d": vec3(real),
-            "inv_d": vec3(real),
-            "kx": wp.int32,
-            "ky": wp.int32,
-            "kz": wp.int32,
-            "ox": real,
-            "oy": real,
-            "oz": real,
-            "sx": real,
-            "sy": real,
-            "dz": WIDE,
-            "start": WIDE,
-            "scale": WIDE,
-            "t_min": WIDE,
-            "t_max": WIDE,
-        },
-    )
+    real, wide = tier.real, tier.wide
+    fields = {
+        "o": vec3(real),
+        "d": vec3(real),
+        "inv_d": vec3(real),
+        "kx": wp.int32,
+        "ky": wp.int32,
+        "kz": wp.int32,
+        "ox": real,
+        "oy": real,
+        "oz": real,
+        "sx": real,
+        "sy": real,
+        "dz": wide,
+        "start": wide,
+        "scale": wide,
+        "t_min": wide,
+        "t_max": wide,
+    }
+    if tier.has_fine:
+        fields["fine"] = sheared_struct(tier.result)
+    return make_struct("FaceRay", fields)
 
 
 @cache
-def face_hit_struct(real):
+def face_hit_struct(tier: Tier):
     """Best hit within one mesh."""
     return make_struct(
         "FaceHit",
         {
-            "t": real,  # local parameter beyond which nothing can be as near
-            "t_world": WIDE,
+            "t": tier.real,  # local parameter beyond which nothing can be as near
+            "t_world": tier.wide,
             "slot": wp.int32,
         },
     )
 
 
 @cache
-def hit_struct():
+def hit_struct(wide):
     """Best hit over all instances. A miss has instance -1; on a mesh, the primitive is a slot of its blocks."""
-    return make_struct("Hit", {"t": WIDE, "instance": wp.int32, "primitive": wp.int32})
+    return make_struct("Hit", {"t": wide, "instance": wp.int32, "primitive": wp.int32})
 
 
 @cache
@@ -211,16 +225,16 @@ def trail_end_struct(real):
 
 
 @cache
-def surface_struct():
+def surface_struct(wide):
     """What is known of a surface point, in world space."""
     return make_struct(
         "Surface",
         {
-            "position": wp.vec3d,  # on the surface
-            "normal": wp.vec3d,  # unit, outward
-            "u": WIDE,
-            "v": WIDE,
-            "offset": WIDE,  # how far along the normal a ray must start so as not to meet this surface
+            "position": vec3(wide),  # on the surface
+            "normal": vec3(wide),  # unit, outward
+            "u": wide,
+            "v": wide,
+            "offset": wide,  # how far along the normal a ray must start so as not to meet this surface
         },
     )
 

@@ -7,24 +7,24 @@ import warp as wp
 from .blocks import make_corner, slot_row
 from .box import normal_box, roots_box
 from .faces import make_face_ray, make_hit_slot
+from .generic import Mat33, Vec3, Wide
 from .instance import make_enter
+from .memory import make_at
 from .rounding import unit_roundoff
 from .spec import ShapeKind, Spec
 from .sphere import normal_sphere
-from .structs import WIDE, hit_struct, scene_struct, surface_struct
+from .structs import hit_struct, mat33, mesh_struct, scene_struct, surface_struct, vec3
 from .transform import location_to_world, normal_to_world, unit
 
 
 @wp.func
-def magnitude(m: wp.mat33d, v: wp.vec3d):
+def magnitude(m: Mat33, v: Vec3):
     """|M| |v|, by component: the size of the terms that M v adds up."""
-    return wp.vec3d(wp.dot(wp.abs(m[0]), wp.abs(v)), wp.dot(wp.abs(m[1]), wp.abs(v)), wp.dot(wp.abs(m[2]), wp.abs(v)))
+    return type(v)(wp.dot(wp.abs(m[0]), wp.abs(v)), wp.dot(wp.abs(m[1]), wp.abs(v)), wp.dot(wp.abs(m[2]), wp.abs(v)))
 
 
 @wp.func
-def offset_bound(
-    w: wp.mat33d, a: wp.mat33d, b: wp.vec3d, p_local: wp.vec3d, n_local: wp.vec3d, n_world: wp.vec3d, error: WIDE
-):
+def offset_bound(w: Mat33, a: Mat33, b: Vec3, p_local: Vec3, n_local: Vec3, n_world: Vec3, error: Wide):
     """How far along n_world a ray must start so that no rounding takes it back through the surface.
 
     `error` bounds what the shape's own test can be off by, in canonical space. To it come the roundings of
@@ -32,36 +32,61 @@ def offset_bound(
     """
     u = unit_roundoff(error)
     terms = magnitude(a, p_local)
-    world = WIDE(8.0) * u * wp.dot(wp.abs(n_world), terms + wp.abs(b))
-    local = error + WIDE(8.0) * u * wp.dot(wp.abs(n_local), magnitude(w, terms))
+    world = type(error)(8.0) * u * wp.dot(wp.abs(n_world), terms + wp.abs(b))
+    local = error + type(error)(8.0) * u * wp.dot(wp.abs(n_local), magnitude(w, terms))
     # Along n_world, a step of 1 leaves the local surface by |W^T n_local|.
     return world + local / wp.length(wp.transpose(w) * n_local)
 
 
 @cache
+def make_edges(spec: Spec):
+    """(p0, p1 - p0, p2 - p0) of the face in a slot, as they were tested."""
+    result, vec = spec.tier.result, vec3(spec.tier.wide)
+    Mesh, corner = mesh_struct(spec.tier, spec.mesh_grid), make_corner(result)
+
+    @wp.func
+    def edges_among(corners: wp.array(dtype=result), slot: int):
+        row = slot_row(slot)
+        p0 = vec(corner(corners, row, 0))
+        return p0, vec(corner(corners, row, 1)) - p0, vec(corner(corners, row, 2)) - p0
+
+    @wp.func
+    def edges(mesh: Mesh, slot: int):
+        return edges_among(mesh.corner, slot)
+
+    @wp.func
+    def fine_edges(mesh: Mesh, slot: int):
+        return edges_among(mesh.fine, slot)
+
+    return fine_edges if spec.tier.has_fine else edges
+
+
+@cache
 def make_surface(spec: Spec):
     """The surface point of a hit. The ray and t_min must be those of the hit: it is met again, bit for bit."""
-    real = spec.real
-    Scene, Hit, Surface = scene_struct(spec), hit_struct(), surface_struct()
+    tier, wide, result = spec.tier, spec.tier.wide, spec.tier.result
+    vec = vec3(wide)
+    Scene, Hit, Surface = scene_struct(spec), hit_struct(wide), surface_struct(wide)
+    vec_at, mat_at = make_at(vec), make_at(mat33(wide))
     enter = make_enter(spec)
     has_sphere = ShapeKind.SPHERE in spec.shapes
     has_box = ShapeKind.BOX in spec.shapes
     has_plane = ShapeKind.PLANE in spec.shapes
     has_mesh = spec.has_mesh
-    face_ray, hit_slot = (make_face_ray(spec), make_hit_slot(spec)) if has_mesh else (None, None)
+    face_ray, hit_slot = (make_face_ray(tier), make_hit_slot(spec)) if has_mesh else (None, None)
 
-    corner = make_corner(real)
+    edges = make_edges(spec) if has_mesh else None
 
     @wp.func
-    def surface(scene: Scene, o: wp.vec3d, d: wp.vec3d, t_min: WIDE, hit: Hit) -> Surface:
+    def surface(scene: Scene, o: vec, d: vec, t_min: wide, hit: Hit) -> Surface:
         i = hit.instance
-        local = enter(scene, i, o, d, t_min, WIDE(wp.inf))
+        local = enter(scene, i, o, d, t_min, wide(wp.inf))
         shape = scene.shape[scene.instances.shape[i]]
         p = local.o + (hit.t * local.inv_scale - local.start) * local.d
-        n = wp.vec3d()
+        n = vec()
         s = Surface()
         # Canonical coordinates are at most 1; the tests add up a dozen roundings of such terms.
-        error = WIDE(32.0) * unit_roundoff(hit.t)
+        error = wide(32.0) * unit_roundoff(hit.t)
         if wp.static(has_sphere):
             if shape.kind == wp.static(int(ShapeKind.SPHERE)):
                 p = p * (shape.upper[0] / wp.length(p))
@@ -75,26 +100,25 @@ def make_surface(spec: Spec):
                 elif local.scale * (local.start + far) == hit.t:
                     axis = far_axis
                 n = normal_box(p, shape.lower, shape.upper, axis)
-                p[axis] = wp.where(n[axis] > WIDE(0.0), shape.upper[axis], shape.lower[axis])
+                p[axis] = wp.where(n[axis] > wide(0.0), shape.upper[axis], shape.lower[axis])
         if wp.static(has_plane):
             if shape.kind == wp.static(int(ShapeKind.PLANE)):
                 n = unit(shape.upper)
                 p = p - wp.dot(p, n) * n
-                error = error * (WIDE(1.0) + wp.max(wp.abs(p)))
+                error = error * (wide(1.0) + wp.max(wp.abs(p)))
         if wp.static(has_mesh):
             if shape.kind == wp.static(int(ShapeKind.MESH)):
                 mesh = scene.mesh[shape.mesh]
                 _is_hit, _t, u, v = hit_slot(mesh, face_ray(local, t_min, t_min), hit.primitive)
                 s.u = u
                 s.v = v
-                row = slot_row(hit.primitive)
-                p0 = corner(mesh.corner, row, 0)
-                e1, e2 = corner(mesh.corner, row, 1) - p0, corner(mesh.corner, row, 2) - p0
+                p0, e1, e2 = edges(mesh, hit.primitive)
                 p = p0 + s.u * e1 + s.v * e2
                 n = unit(wp.cross(e1, e2))
                 # Of the tier's arithmetic: o, d and the sheared corners carry about 25 roundings of terms up to 2.
-                error = WIDE(real(32.0) * unit_roundoff(real(1.0)))
-        w, a, b = scene.instances.local_from_world[i], scene.instances.world_from_local[i], scene.instances.origin[i]
+                error = wide(result(32.0) * unit_roundoff(result(1.0)))
+        w, a = mat_at(scene.instances.local_from_world, i), mat_at(scene.instances.world_from_local, i)
+        b = vec_at(scene.instances.origin, i)
         s.position = location_to_world(a, b, p)
         s.normal = normal_to_world(w, n)
         s.offset = offset_bound(w, a, b, p, n, s.normal, error)
@@ -104,6 +128,6 @@ def make_surface(spec: Spec):
 
 
 @wp.func
-def leave(position: wp.vec3d, normal: wp.vec3d, offset: WIDE, d: wp.vec3d):
+def leave(position: Vec3, normal: Vec3, offset: Wide, d: Vec3):
     """Origin of a ray in direction d from a surface point, moved off to the side that d points to, or to the front."""
-    return position + wp.where(wp.dot(normal, d) < WIDE(0.0), -offset, offset) * normal
+    return position + wp.where(wp.dot(normal, d) < type(offset)(0.0), -offset, offset) * normal

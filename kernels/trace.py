@@ -14,23 +14,24 @@ from .plane import root_plane
 from .rounding import from_t_min, is_ray, larger, largest, real_above, rounding_of_sum, safe_reciprocal, up_to_t_max
 from .spec import ShapeKind, Spec
 from .sphere import roots_sphere
-from .structs import WIDE, face_hit_struct, hit_struct, make_struct, scene_struct, world_ray_struct
+from .structs import face_hit_struct, hit_struct, make_struct, scene_struct, vec3, world_ray_struct
 from .tree_walk import make_next_instance, make_start_walk
 
 
 @cache
 def make_closer(spec: Spec, any_hit: bool):
     """Keeps the better of a hit and a parameter: the smaller t, then the lower instance id."""
-    Hit, in_range = hit_struct(), make_in_range(spec.real)
+    wide = spec.tier.wide
+    Hit, in_range = hit_struct(wide), make_in_range(spec.tier)
 
     @wp.func
-    def closer(t: WIDE, i: int, primitive: int, t_min: WIDE, t_max: WIDE, best: Hit) -> Hit:
+    def closer(t: wide, i: int, primitive: int, t_min: wide, t_max: wide, best: Hit) -> Hit:
         if in_range(t, t_min, t_max) and (t < best.t or (t == best.t and i < best.instance)):
             best.t = t
             best.instance = i
             best.primitive = primitive
             if wp.static(any_hit):
-                best.t = WIDE(-wp.inf)
+                best.t = wide(-wp.inf)
         return best
 
     return closer
@@ -39,13 +40,14 @@ def make_closer(spec: Spec, any_hit: bool):
 @cache
 def make_hit_instance(spec: Spec, any_hit: bool):
     """Best hit after one more instance. Absent shapes leave no code behind."""
-    Scene, Ray, Hit, FaceHit = scene_struct(spec), world_ray_struct(), hit_struct(), face_hit_struct(spec.real)
-    enter, closer, reported_from = make_enter(spec), make_closer(spec, any_hit), make_reported_from(spec.real)
+    tier, wide = spec.tier, spec.tier.wide
+    Scene, Ray, Hit, FaceHit = scene_struct(spec), world_ray_struct(wide), hit_struct(wide), face_hit_struct(tier)
+    enter, closer, reported_from = make_enter(spec), make_closer(spec, any_hit), make_reported_from(tier)
     has_sphere = ShapeKind.SPHERE in spec.shapes
     has_box = ShapeKind.BOX in spec.shapes
     has_plane = ShapeKind.PLANE in spec.shapes
     has_mesh = spec.has_mesh
-    face_ray, hit_faces = (make_face_ray(spec), make_hit_faces(spec, any_hit)) if has_mesh else (None, None)
+    face_ray, hit_faces = (make_face_ray(tier), make_hit_faces(spec, any_hit)) if has_mesh else (None, None)
 
     @wp.func
     def hit_instance(scene: Scene, ray: Ray, i: int, best: Hit) -> Hit:
@@ -82,7 +84,7 @@ def make_hit_instance(spec: Spec, any_hit: bool):
                 face = hit_faces(scene.mesh, shape.mesh, face_ray(local, ray.t_min, ray.t_max), face)
                 if face.slot >= 0:
                     if wp.static(any_hit):
-                        best.t = WIDE(-wp.inf)
+                        best.t = wide(-wp.inf)
                         best.instance = i
                     else:
                         best = closer(face.t_world, i, face.slot, ray.t_min, ray.t_max, best)
@@ -94,8 +96,8 @@ def make_hit_instance(spec: Spec, any_hit: bool):
 @cache
 def make_primitive_id(spec: Spec):
     """The user's number of what was hit: of a face on a mesh, 0 on other shapes, -1 for a miss."""
-    Scene, Hit = scene_struct(spec), hit_struct()
-    has_mesh, face_at = spec.has_mesh, make_face_at(spec.real)
+    Scene, Hit = scene_struct(spec), hit_struct(spec.tier.wide)
+    has_mesh, face_at = spec.has_mesh, make_face_at(spec.tier.real)
 
     @wp.func
     def primitive_id(scene: Scene, hit: Hit) -> int:
@@ -128,7 +130,8 @@ def was_recent(recent: wp.ref[Recent], i: int) -> bool:
 @cache
 def make_trace(spec: Spec, any_hit: bool):
     """Closest (or any) hit of a ray. A miss, and what is not a ray, has instance -1."""
-    Scene, Ray, Hit = scene_struct(spec), world_ray_struct(), hit_struct()
+    wide, vec = spec.tier.wide, vec3(spec.tier.wide)
+    Scene, Ray, Hit = scene_struct(spec), world_ray_struct(wide), hit_struct(wide)
     has_grid = spec.instance_grid
     hit_instance = make_hit_instance(spec, any_hit)
 
@@ -144,7 +147,7 @@ def make_trace(spec: Spec, any_hit: bool):
         return best
 
     @wp.func
-    def start_ray(o: wp.vec3d, d: wp.vec3d, t_min: WIDE, t_max: WIDE) -> Ray:
+    def start_ray(o: vec, d: vec, t_min: wide, t_max: wide) -> Ray:
         ray = Ray()
         ray.o_world = o
         ray.d = d
@@ -153,7 +156,7 @@ def make_trace(spec: Spec, any_hit: bool):
         return ray
 
     @wp.func
-    def no_hit(t_max: WIDE) -> Hit:
+    def no_hit(t_max: wide) -> Hit:
         best = Hit()
         best.t = up_to_t_max(t_max)
         best.instance = -1
@@ -163,7 +166,7 @@ def make_trace(spec: Spec, any_hit: bool):
     if not has_grid:
 
         @wp.func
-        def trace_all(scene: Scene, o: wp.vec3d, d: wp.vec3d, t_min: WIDE, t_max: WIDE) -> Hit:
+        def trace_all(scene: Scene, o: vec, d: vec, t_min: wide, t_max: wide) -> Hit:
             best = no_hit(t_max)
             if is_ray(o, d, t_min, t_max):
                 best = hit_loose(scene, start_ray(o, d, t_min, t_max), scene.instances.count, best)
@@ -171,17 +174,17 @@ def make_trace(spec: Spec, any_hit: bool):
 
         return trace_all
 
-    start_walk, next_instance = make_start_walk(WIDE), make_next_instance()
+    start_walk, next_instance = make_start_walk(wide), make_next_instance(wide)
 
     @wp.func
-    def limit(ray: Ray, best: Hit) -> WIDE:
+    def limit(ray: Ray, best: Hit) -> wide:
         """How far a hit can still be, from where the ray enters the grid."""
         return real_above(best.t - ray.t_start + rounding_of_sum(best.t, ray.t_start), best.t)
 
     @wp.func
     def hit_listed(scene: Scene, ray: Ray, best: Hit) -> Hit:
         grid = scene.instances.trees.grid
-        upper = wp.vec3d(
+        upper = vec(
             wall(grid.lo[0], grid.cell[0], grid.count[0]),
             wall(grid.lo[1], grid.cell[1], grid.count[1]),
             wall(grid.lo[2], grid.cell[2], grid.count[2]),
@@ -203,7 +206,7 @@ def make_trace(spec: Spec, any_hit: bool):
         return best
 
     @wp.func
-    def trace(scene: Scene, o: wp.vec3d, d: wp.vec3d, t_min: WIDE, t_max: WIDE) -> Hit:
+    def trace(scene: Scene, o: vec, d: vec, t_min: wide, t_max: wide) -> Hit:
         best = no_hit(t_max)
         if is_ray(o, d, t_min, t_max):
             ray = start_ray(o, d, t_min, t_max)

@@ -9,11 +9,11 @@ from functools import cache
 
 import warp as wp
 
-from .blocks import CANDIDATES, native_code
+from .blocks import candidates_code, native_code
 from .generic import Struct
 from .grid import cell_of, step_of, wall_t
+from .spec import Tier
 from .structs import (
-    WIDE,
     face_ray_struct,
     grid_struct,
     instances_struct,
@@ -211,10 +211,10 @@ def _code(real, trees: str, parts: dict[str, str]) -> str:
     return native_code(code.replace("BOXES_MET", BOXES_MET).replace("JUMP", str(JUMP)), real)
 
 
-def _slot_code(real, looked: str, tested: str) -> str:
-    setup, found = SETUP_SLOT.replace("CANDIDATES", CANDIDATES), FOUND_SLOT.replace("TESTED", tested)
+def _slot_code(tier: Tier, looked: str, tested: str) -> str:
+    setup, found = SETUP_SLOT.replace("CANDIDATES", candidates_code(tier)), FOUND_SLOT.replace("TESTED", tested)
     parts = {"SETUP": setup, "FOUND": found, "AHEAD": AHEAD_SLOT, "LOOKED": looked}
-    return _code(real, "meshes.data[m].trees", parts)
+    return _code(tier.real, "meshes.data[m].trees", parts)
 
 
 @cache
@@ -242,23 +242,24 @@ def make_start_walk(real):
 
 
 @cache
-def make_next_instance():
+def make_next_instance(wide):
     """The next instance whose box the ray meets with t <= t_max, or -1: once for each cell that lists it."""
-    Walk, Instances, Ray = walk_struct(WIDE), instances_struct(True), world_ray_struct()
+    Walk, Instances, Ray = walk_struct(wide), instances_struct(wide, True), world_ray_struct(wide)
     parts = {"SETUP": "", "FOUND": FOUND_ITEM, "AHEAD": "", "LOOKED": ""}
 
-    @wp.func_native(_code(WIDE, "instances.trees", parts))
-    def next_instance(walk: wp.ref[Walk], instances: wp.ref[Instances], ray: wp.ref[Ray], t_max: WIDE) -> int: ...
+    @wp.func_native(_code(wide, "instances.trees", parts))
+    def next_instance(walk: wp.ref[Walk], instances: wp.ref[Instances], ray: wp.ref[Ray], t_max: wide) -> int: ...
 
     return next_instance
 
 
 @cache
-def make_next_slot(real):
+def make_next_slot(tier: Tier):
     """The next triangle, by its slot, that the ray may hit with t <= t_max, or -1: roughly front to back."""
-    Walk, Mesh, FaceRay = walk_struct(real), mesh_struct(real, True), face_ray_struct(real)
+    real = tier.real
+    Walk, Mesh, FaceRay = walk_struct(real), mesh_struct(tier, True), face_ray_struct(tier)
 
-    @wp.func_native(_slot_code(real, "", ""))
+    @wp.func_native(_slot_code(tier, "", ""))
     def next_slot(
         walk: wp.ref[Walk], meshes: wp.array(dtype=Mesh), m: int, ray: wp.ref[FaceRay], t_max: real
     ) -> int: ...
@@ -267,12 +268,13 @@ def make_next_slot(real):
 
 
 @cache
-def make_recorded_slot(real):
+def make_recorded_slot(tier: Tier):
     """As `next_slot`, but that it writes down which cells it looks at, and how many triangles it tests in each."""
-    Walk, Mesh, FaceRay = walk_struct(real), mesh_struct(real, True), face_ray_struct(real)
+    real = tier.real
+    Walk, Mesh, FaceRay = walk_struct(real), mesh_struct(tier, True), face_ray_struct(tier)
     looked = "looked.data[walk.looked] = cell; tested.data[walk.looked++] = 0;"
 
-    @wp.func_native(_slot_code(real, looked, "tested.data[walk.looked - 1] += 8;"))
+    @wp.func_native(_slot_code(tier, looked, "tested.data[walk.looked - 1] += 8;"))
     def recorded_slot(
         walk: wp.ref[Walk],
         meshes: wp.array(dtype=Mesh),

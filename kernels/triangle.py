@@ -8,7 +8,7 @@ that share an edge or a vertex therefore never both miss.
 
 import warp as wp
 
-from .generic import Real, Vec3
+from .generic import Real, Vec3, Wide
 from .rounding import difference_of_products
 
 
@@ -38,28 +38,29 @@ def is_outside(ax: Real, ay: Real, bx: Real, by: Real, cx: Real, cy: Real):
 
 
 @wp.func
-def edge_weights(ax: Real, ay: Real, bx: Real, by: Real, cx: Real, cy: Real):
-    """(is_hit, wa, wb, wc): unnormalised barycentric weights in float64, with exact signs; edges count."""
-    wa = difference_of_products(cx, by, cy, bx)
-    wb = difference_of_products(ax, cy, ay, cx)
-    wc = difference_of_products(bx, ay, by, ax)
-    zero = wp.float64(0.0)
+def edge_weights(ax: Real, ay: Real, bx: Real, by: Real, cx: Real, cy: Real, like: Wide):
+    """(is_hit, wa, wb, wc): unnormalised barycentric weights in the type of `like`; edges count.
+
+    In float64, whatever the coordinates are, their signs are exact.
+    """
+    wa = difference_of_products(cx, by, cy, bx, like)
+    wb = difference_of_products(ax, cy, ay, cx, like)
+    wc = difference_of_products(bx, ay, by, ax, like)
+    zero = type(like)(0.0)
     is_mixed = (wa < zero or wb < zero or wc < zero) and (wa > zero or wb > zero or wc > zero)
     # A sum of 0 with equal signs means that all are 0: the triangle is seen edge on, or has no area.
     return not is_mixed and wa + wb + wc != zero, wa, wb, wc
 
 
 @wp.func
-def solve_sheared(
-    ax: Real, ay: Real, az: Real, bx: Real, by: Real, bz: Real, cx: Real, cy: Real, cz: Real, dz: wp.float64
-):
-    """(is_hit, t, u, v), all in float64, of sheared corners; z is unscaled, and dz the ray's component along it."""
-    is_hit, wa, wb, wc = edge_weights(ax, ay, bx, by, cx, cy)
-    zero = wp.float64(0.0)
+def solve_sheared(ax: Real, ay: Real, az: Real, bx: Real, by: Real, bz: Real, cx: Real, cy: Real, cz: Real, dz: Wide):
+    """(is_hit, t, u, v) of sheared corners, in the type of dz, the ray's component along z, which is unscaled."""
+    is_hit, wa, wb, wc = edge_weights(ax, ay, bx, by, cx, cy, dz)
+    zero = type(dz)(0.0)
     if not is_hit:
         return False, zero, zero, zero
     total = wa + wb + wc
-    t = (wa * wp.float64(az) + wb * wp.float64(bz) + wc * wp.float64(cz)) / (total * dz)
+    t = (wa * type(dz)(az) + wb * type(dz)(bz) + wc * type(dz)(cz)) / (total * dz)
     return True, t, wb / total, wc / total
 
 

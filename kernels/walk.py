@@ -7,20 +7,21 @@ import warp as wp
 from .faces import make_face_ray
 from .grid import make_walk
 from .instance import make_enter
-from .rounding import OPTIONS, real_above
+from .rounding import real_above
 from .spec import ShapeKind, Spec
-from .structs import WIDE, face_ray_struct, grid_struct, scene_struct, trail_end_struct, trail_struct
+from .structs import WIDE, face_ray_struct, grid_struct, scene_struct, trail_end_struct, trail_struct, vec3
 from .tree_walk import make_recorded_slot, make_start_walk
 
 
 @cache
 def make_walk_cells(spec: Spec):
     """For each instance on its own: the cells from where the ray enters its bounds up to t_max."""
-    real = spec.real
+    tier, real, wide = spec.tier, spec.tier.real, spec.tier.wide
+    vec = vec3(wide)
     Scene, Trail, End = scene_struct(spec), trail_struct(), trail_end_struct(real)
-    Grid, FaceRay = grid_struct(real), face_ray_struct(real)
-    enter, face_ray, start_walk = make_enter(spec), make_face_ray(spec), make_start_walk(real)
-    recorded_slot = make_recorded_slot(real)
+    Grid, FaceRay = grid_struct(real), face_ray_struct(tier)
+    enter, face_ray, start_walk = make_enter(spec), make_face_ray(tier), make_start_walk(real)
+    recorded_slot = make_recorded_slot(tier)
 
     @wp.func
     def visit(
@@ -28,8 +29,8 @@ def make_walk_cells(spec: Spec):
     ) -> End:
         if trail.cell.shape[0] > 0:
             trail.cell[end.count] = at
-            trail.t_enter[end.count] = ray.scale * (ray.start + wp.max(WIDE(t_in), WIDE(0.0)))
-            trail.t_exit[end.count] = ray.scale * (ray.start + wp.max(WIDE(t_out), WIDE(0.0)))
+            trail.t_enter[end.count] = WIDE(ray.scale * (ray.start + wp.max(wide(t_in), wide(0.0))))
+            trail.t_exit[end.count] = WIDE(ray.scale * (ray.start + wp.max(wide(t_out), wide(0.0))))
             trail.visited[end.count] = False
             trail.candidates[end.count] = 0
             for k in range(end.next, end.last):
@@ -42,7 +43,7 @@ def make_walk_cells(spec: Spec):
 
     walk = make_walk(real, visit)
 
-    @wp.kernel(module="unique", enable_backward=False, module_options=OPTIONS)
+    @wp.kernel(module="unique", enable_backward=False, module_options=tier.options)
     def walk_cells(
         scene: Scene,
         o: wp.vec3d,
@@ -58,10 +59,10 @@ def make_walk_cells(spec: Spec):
         end = End()
         end.count = first[i]
         if shape.kind == wp.static(int(ShapeKind.MESH)):
-            local = enter(scene, i, o, d, WIDE(0.0), t_max)
+            local = enter(scene, i, vec(o), vec(d), wide(0.0), wide(t_max))
             if local.is_hit:
-                end.t = real_above(t_max * local.inv_scale - local.start, end.t)
-                grid, ray = scene.mesh[shape.mesh].trees.grid, face_ray(local, WIDE(0.0), t_max)
+                end.t = real_above(wide(t_max) * local.inv_scale - local.start, end.t)
+                grid, ray = scene.mesh[shape.mesh].trees.grid, face_ray(local, wide(0.0), wide(t_max))
                 if trail.cell.shape[0] > 0:
                     end.next = first_looked[i]
                     looking = start_walk(grid, ray)

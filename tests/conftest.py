@@ -5,6 +5,8 @@ import pytest
 import warp as wp
 from hypothesis import settings
 
+from warprt.kernels.spec import Tier
+
 settings.register_profile("repeatable", deadline=None, derandomize=True, max_examples=50)
 settings.load_profile("repeatable")
 
@@ -16,8 +18,15 @@ def device_names():
 
 
 # These three have the scope of the session, so that hypothesis may use them: they hold nothing that an example changes.
-@pytest.fixture(params=["robust", "double"], scope="session")
+@pytest.fixture(params=["robust", "mixed", "double"], scope="session")
 def accuracy(request):
+    """The tiers that promise something."""
+    return request.param
+
+
+@pytest.fixture(params=list(Tier), ids=lambda tier: tier.value, scope="session")
+def tier(request):
+    """All of them."""
     return request.param
 
 

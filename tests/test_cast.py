@@ -304,7 +304,7 @@ def test_double_agrees_with_the_oracle_to_1e_12(device, rng):
 def test_unknown_choices_are_named():
     scene = rt.Scene([BALL])
     for options, words in (
-        ({"accuracy": "best"}, "accuracy must be one of robust, double"),
+        ({"accuracy": "best"}, "accuracy must be one of fast, robust, mixed, double"),
         ({"device": "cuda:77"}, "device 'cuda:77' is not available"),
         ({"device": "quantum"}, "device 'quantum' is not available"),
         ({"device": []}, "device"),

@@ -10,7 +10,7 @@ import warprt as rt
 import warprt.transform
 from warprt.inverse import inverses
 
-U = {"robust": 2.0**-24, "double": 2.0**-53}
+U = {"robust": 2.0**-24, "mixed": 2.0**-53, "double": 2.0**-53}
 
 
 def random_matrices(rng, count, condition=None):

@@ -54,7 +54,7 @@ def test_blocks_hold_each_face_once_with_its_corners(count, real, device, rng):
     vertices, faces = rng.uniform(-1, 3, (50, 3)), rng.integers(0, 50, (count, 3))
     faces[faces[:, 0] == faces[:, 1], 1] = (faces[faces[:, 0] == faces[:, 1], 0] + 1) % 50
     faces = np.array([f if len(set(f)) == 3 else (0, 1, 2) for f in faces])
-    corner = build_blocks(faces_on(vertices, faces, device, (1, 1, 1), 2.0), real).numpy()
+    corner = build_blocks(faces_on(vertices, faces, device, (1, 1, 1), 2.0), [real])[0].numpy()
     rows = corner.reshape(-1, BLOCK_SIZE // 8, 8)
     face = rows[:, 9].copy().view(np.int32).reshape(len(rows), -1)[:, :8].ravel()
     np.testing.assert_array_equal(np.sort(face[:count]), np.arange(count))
@@ -67,7 +67,7 @@ def test_faces_without_area_become_points(real, device, rng):
     a, b = rng.normal(size=(2, 3))
     vertices = [a, b, (a + b) / 2, a + 1e-3 * b, rng.normal(size=3)]
     faces = [(0, 0, 1), (0, 1, 1), (2, 2, 2), (0, 1, 2), (0, 1, 4), (0, 3, 4)]
-    rows = build_blocks(faces_on(vertices, faces, device), real).numpy().reshape(1, BLOCK_SIZE // 8, 8)
+    rows = build_blocks(faces_on(vertices, faces, device), [real])[0].numpy().reshape(1, BLOCK_SIZE // 8, 8)
     face = rows[:, 9].copy().view(np.int32).ravel()[:6]
     corners = rows[:, :9].transpose(0, 2, 1).reshape(-1, 3, 3)[np.argsort(face)]
     is_point = (corners == corners[:, :1]).all(axis=(1, 2))

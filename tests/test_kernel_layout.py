@@ -62,7 +62,6 @@ def test_kernel_of_geometry_fixes_its_own_rounding(call):
     assert "module_options" in options, "contraction or fast math would be the user's choice"
 
 
-def test_rounding_options_forbid_contraction_and_fast_math():
-    from warprt.kernels.cast import OPTIONS
-
-    assert OPTIONS == {"fast_math": False, "fuse_fp": False}
+def test_rounding_options_forbid_contraction_and_fast_math(tier):
+    is_fast = tier.value == "fast"
+    assert tier.options == {"fast_math": is_fast, "fuse_fp": is_fast}

@@ -8,8 +8,7 @@ import trimesh
 import warp as wp
 
 import warprt as rt
-from warprt.kernels.cast import load_ray
-from warprt.kernels.rounding import OPTIONS
+from warprt.kernels.cast import make_load_ray
 from warprt.kernels.structs import rays_struct, scene_struct
 from warprt.kernels.trace import make_primitive_id, make_trace
 from warprt.rays import as_rays
@@ -21,8 +20,9 @@ Rays = rays_struct()
 def one_by_one(spec):
     """Kernel that traces each ray on its own."""
     Scene, trace, primitive_id = scene_struct(spec), make_trace(spec, False), make_primitive_id(spec)
+    load_ray = make_load_ray(spec.tier.wide)
 
-    @wp.kernel(module="unique", enable_backward=False, module_options=OPTIONS)
+    @wp.kernel(module="unique", enable_backward=False, module_options=spec.tier.options)
     def each(
         scene: Scene,
         rays: Rays,

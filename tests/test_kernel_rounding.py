@@ -46,7 +46,7 @@ def roundings(real):
         difference: wp.array(dtype=wp.float64),
     ):
         k = wp.tid()
-        difference[k] = rounding.difference_of_products(a[k], b[k], c[k], d[k])
+        difference[k] = rounding.difference_of_products(a[k], b[k], c[k], d[k], wp.float64(0.0))
 
     @leaf_kernel
     def judge(

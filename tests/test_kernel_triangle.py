@@ -59,7 +59,9 @@ def sheared_triangles(real):
     ):
         k = wp.tid()
         is_outside[k] = triangle.is_outside(a[k][0], a[k][1], b[k][0], b[k][1], c[k][0], c[k][1])
-        any_root, wa, wb, wc = triangle.edge_weights(a[k][0], a[k][1], b[k][0], b[k][1], c[k][0], c[k][1])
+        any_root, wa, wb, wc = triangle.edge_weights(
+            a[k][0], a[k][1], b[k][0], b[k][1], c[k][0], c[k][1], wp.float64(0.0)
+        )
         is_hit[k] = any_root
         weight[k] = wp.vec3d(wa, wb, wc)
 

@@ -2,6 +2,7 @@
 
 import re
 import warnings
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -10,7 +11,7 @@ import warp as wp
 import warprt as rt
 from warprt.kernels.cast import make_cast, make_cast_packets, make_occluded, make_occluded_packets, make_spawn
 from warprt.kernels.render import make_render
-from warprt.kernels.spec import Look, ShapeKind, Spec
+from warprt.kernels.spec import Look, ShapeKind, Spec, Tier
 from warprt.kernels.walk import make_walk_cells
 
 WORDS = {
@@ -34,16 +35,16 @@ def source(kernel, tmp_path, **options):
 
 
 @pytest.mark.parametrize("kind", list(ShapeKind))
-def test_absent_shapes_leave_no_code_behind(kind, real, tmp_path):
-    text = source(make_cast(Spec(real, frozenset([kind]), instance_grid=False), False), tmp_path, device="cpu")
+def test_absent_shapes_leave_no_code_behind(kind, tier, tmp_path):
+    text = source(make_cast(Spec(tier, frozenset([kind]), instance_grid=False), False), tmp_path, device="cpu")
     assert WORDS[kind] in text
     for other in ShapeKind:
         assert (WORDS[other] in text) == (other == kind)
     assert ("corner" in text) == (kind == ShapeKind.MESH)
 
 
-def test_points_and_normals_leave_no_code_behind_unless_asked_for(real, tmp_path):
-    spec = Spec(real, frozenset([ShapeKind.SPHERE]))
+def test_points_and_normals_leave_no_code_behind_unless_asked_for(tmp_path):
+    spec = Spec(Tier.ROBUST, frozenset([ShapeKind.SPHERE]))
     (tmp_path / "brief").mkdir()
     (tmp_path / "full").mkdir()
     assert "normal_to_world" not in source(make_cast(spec, False), tmp_path / "brief", device="cpu")
@@ -60,7 +61,7 @@ FEATURES = {
 
 @pytest.mark.parametrize("feature", [None, *FEATURES])
 def test_absent_features_of_shading_leave_no_code_behind(feature, tmp_path):
-    spec = Spec(wp.float32, frozenset([ShapeKind.SPHERE]), instance_grid=False)
+    spec = Spec(Tier.ROBUST, frozenset([ShapeKind.SPHERE]), instance_grid=False)
     look = Look(spec, **({feature: True} if feature else {}))
     text = source(make_render(look), tmp_path, device="cpu")
     for name, words in FEATURES.items():
@@ -69,7 +70,7 @@ def test_absent_features_of_shading_leave_no_code_behind(feature, tmp_path):
 
 
 def test_equal_specs_share_a_kernel():
-    specs = [Spec(wp.float32, frozenset([ShapeKind.BOX, ShapeKind.MESH])) for _ in range(2)]
+    specs = [Spec(Tier.ROBUST, frozenset([ShapeKind.BOX, ShapeKind.MESH])) for _ in range(2)]
     assert make_cast(specs[0], True) is make_cast(specs[1], True)
 
 
@@ -80,19 +81,20 @@ def test_second_scene_of_a_kind_compiles_nothing(device):
     assert make_cast.cache_info().misses == before
 
 
-ALL = Spec(wp.float32, frozenset(ShapeKind))
-MESHES = [Spec(real, frozenset([ShapeKind.MESH]), instance_grid=False) for real in (wp.float32, wp.float64)]
+ALL = Spec(Tier.ROBUST, frozenset(ShapeKind))
+MESHES = Spec(Tier.ROBUST, frozenset([ShapeKind.MESH]), instance_grid=False)
 KERNELS = {
     "cast": lambda: make_cast(ALL, True),
     "occluded": lambda: make_occluded(ALL),
     "spawn": lambda: make_spawn(ALL),
     "walk": lambda: make_walk_cells(ALL),
     "render": lambda: make_render(Look(ALL, True, True, True, True)),
-    "packets": lambda: make_cast_packets(MESHES[0]),
-    "occluded packets": lambda: make_occluded_packets(MESHES[0]),
-    "double packets": lambda: make_cast_packets(MESHES[1]),
-    "double": lambda: make_cast(Spec(wp.float64, frozenset(ShapeKind)), True),
+    "packets": lambda: make_cast_packets(MESHES),
+    "occluded packets": lambda: make_occluded_packets(MESHES),
 }
+for t in (Tier.FAST, Tier.MIXED, Tier.DOUBLE):
+    KERNELS[f"cast {t.value}"] = lambda t=t: make_cast(replace(ALL, tier=t), True)
+    KERNELS[f"packets {t.value}"] = lambda t=t: make_cast_packets(replace(MESHES, tier=t))
 
 
 @pytest.mark.parametrize("name", KERNELS)
@@ -100,6 +102,9 @@ def test_kernels_compile_for_a_gpu_without_one(name, tmp_path):
     text = source(KERNELS[name](), tmp_path, arch=90, use_ptx=True)
     ptx = "".join(path.read_text() for path in tmp_path.rglob("*.ptx"))
     assert ".target sm_90" in ptx
-    # Each operation is rounded on its own: no multiply-add that the source did not ask for.
-    assert "fma.rn.f32" not in ptx
     assert text
+    # But in `fast`, each operation is rounded on its own: no multiply-add that the source did not ask for.
+    assert ("fma.rn" in ptx.replace("fma.rn.f64", "")) == ("fast" in name)
+    if "fast" in name:
+        # float64 is read and rounded, and no more.
+        assert not set(re.findall(r"\n\s*(?:@\S+ )?(\w+)[.\w]*\.f64", ptx)) - {"ld", "st", "cvt", "mov"}

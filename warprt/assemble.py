@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 import warp as wp
 
-from warprt.kernels.spec import Look, ShapeKind, Spec
-from warprt.kernels.structs import instances_struct, look_struct, mesh_struct, scene_struct, shape_struct
+from warprt.kernels.spec import Look, ShapeKind, Spec, Tier
+from warprt.kernels.structs import look_struct, mesh_struct, scene_struct, shape_struct
 
 from .lights import AmbientLight, DirectionalLight, GradientSky, PointLight
 from .materials import Material
@@ -38,7 +38,7 @@ class DeviceScene:
             return
         canonicals = [shape.canonical() for shape in self.shapes]
         self.placements.reshape(canonicals)
-        self.meshes = [mesh.device_copy(self.spec.real, self.device, self.spec.mesh_grid) for mesh in meshes]
+        self.meshes = [mesh.device_copy(self.spec.tier, self.device, self.spec.mesh_grid) for mesh in meshes]
         self.versions = versions
         self._fill(canonicals)
 
@@ -46,9 +46,9 @@ class DeviceScene:
         """What kernels take, from what it is made of."""
         self.struct.shape = _shape_array(self.shapes, canonicals, self.mesh_number, self.spec, self.device)
         if self.spec.has_mesh:
-            dtype = mesh_struct(self.spec.real, self.spec.mesh_grid)
+            dtype = mesh_struct(self.spec.tier, self.spec.mesh_grid)
             self.struct.mesh = wp.array([mesh.struct() for mesh in self.meshes], dtype=dtype, device=self.device)
-        self.struct.instances = self.placements.struct(instances_struct(self.spec.instance_grid))
+        self.struct.instances = self.placements.struct()
 
     def grids(self) -> list:
         """The grid of each mesh, as kernels take it."""
@@ -65,14 +65,14 @@ class DeviceScene:
         return self.placements.bytes + sum(mesh.bytes for mesh in self.meshes)
 
 
-def assemble(scene: Scene, real: type, device: wp.Device, has_grid: bool) -> DeviceScene:
+def assemble(scene: Scene, tier: Tier, device: wp.Device, has_grid: bool) -> DeviceScene:
     """Copies a scene's geometry to a device. Without `has_grid`, kernels will test every primitive."""
     shapes = _distinct([item.shape for item in scene.objects])
     canonicals = [shape.canonical() for shape in shapes]
-    meshes = [shape.device_copy(real, device, has_grid) for shape in shapes if isinstance(shape, Mesh)]
-    placements = Placements(scene, shapes, canonicals, device, has_grid)
+    meshes = [shape.device_copy(tier, device, has_grid) for shape in shapes if isinstance(shape, Mesh)]
+    placements = Placements(scene, shapes, canonicals, device, tier.wide, has_grid)
     spec = Spec(
-        real=real,
+        tier=tier,
         shapes=frozenset(shape.kind for shape in shapes),
         instance_grid=placements.has_grid,
         mesh_grid=has_grid,
@@ -91,7 +91,7 @@ def _distinct(values: list) -> list:
 
 
 def _shape_array(shapes, canonicals, mesh_number, spec: Spec, device: wp.Device) -> wp.array:
-    dtype = shape_struct(spec.has_mesh)
+    dtype = shape_struct(spec.tier.wide, spec.has_mesh)
     records = np.zeros(len(shapes), dtype=dtype.numpy_dtype())
     records["kind"] = [int(shape.kind) for shape in shapes]
     records["lower"] = np.reshape([canonical.lower for canonical in canonicals], (-1, 3))

@@ -137,17 +137,18 @@ def vertex_bounds(vertices: wp.array, indices: wp.array) -> tuple[np.ndarray, np
     return found[:, :3].min(axis=0), found[:, 3:].max(axis=0)
 
 
-def build_blocks(faces: Faces, real: type) -> wp.array:
-    """Sorts faces along a space-filling curve and cuts them into blocks, see kernels/blocks.py."""
+def build_blocks(faces: Faces, reals: list[type]) -> list[wp.array]:
+    """Sorts faces along a space-filling curve and cuts them into blocks, see kernels/blocks.py, of each type."""
     device, count, threads = faces.indices.device, faces.count, default_threads()
     key, sorted_face = (empty(2 * count, wp.int32, device) for _ in range(2))
     launch(block_build.place_faces, count, [*faces.inputs, key, sorted_face], device, threads)
     wp.utils.radix_sort_pairs(key, sorted_face, count, begin_bit=0, end_bit=30)
     blocks = -(-count // LANES)
-    corner = empty(BLOCK_SIZE * blocks, real, device)
-    fill = block_build.make_fill_blocks(real)
-    launch(fill, LANES * blocks, [*faces.inputs, sorted_face, corner], device, threads)
-    return corner
+    corners = [empty(BLOCK_SIZE * blocks, real, device) for real in reals]
+    for corner in corners:
+        fill = block_build.make_fill_blocks(corner.dtype)
+        launch(fill, LANES * blocks, [*faces.inputs, sorted_face, corner], device, threads)
+    return corners
 
 
 def auto_resolution(faces: Faces, extent: np.ndarray) -> tuple[int, int, int]:
@@ -244,9 +245,7 @@ def build_block_trees(
 
 
 def build_box_trees(
-    lower: wp.array, upper: wp.array, boxes: wp.array, lo: np.ndarray, hi: np.ndarray, count: tuple, pad: float
+    lower: wp.array, upper: wp.array, boxes: wp.array, lo: np.ndarray, hi: np.ndarray, count: tuple, pad: float, real
 ) -> Trees:
     """Trees of some of the given boxes, which are padded already."""
-    return build_trees(
-        make_grid(lo, hi, count, wp.float64), count, build.list_boxes, boxes.size, [lower, upper, boxes], pad
-    )
+    return build_trees(make_grid(lo, hi, count, real), count, build.list_boxes, boxes.size, [lower, upper, boxes], pad)

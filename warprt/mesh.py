@@ -7,7 +7,7 @@ import numpy as np
 import warp as wp
 
 from warprt.kernels.blocks import BLOCK_SIZE
-from warprt.kernels.spec import ShapeKind
+from warprt.kernels.spec import ShapeKind, Tier
 from warprt.kernels.structs import mesh_struct
 
 from . import checks
@@ -158,22 +158,23 @@ class Mesh:
             raise ValueError(f"Mesh.from_trimesh needs a trimesh.Trimesh; got {type(mesh).__name__}")
         return cls(mesh.vertices, mesh.faces, grid=grid)
 
-    def device_copy(self, real: type, device: wp.Device, has_grid: bool) -> "DeviceMesh":
-        """The mesh on a device, made once for each arithmetic."""
-        key = (real, device.alias, has_grid)
+    def device_copy(self, tier: Tier, device: wp.Device, has_grid: bool) -> "DeviceMesh":
+        """The mesh on a device, made once for each tier."""
+        key = (tier, device.alias, has_grid)
         if key not in self._device_copies:
-            self._device_copies[key] = DeviceMesh(self, real, device, has_grid)
+            self._device_copies[key] = DeviceMesh(self, tier, device, has_grid)
         return self._device_copies[key]
 
 
 class DeviceMesh:
     """Canonical triangles and their grid in device memory."""
 
-    def __init__(self, mesh: Mesh, real: type, device: wp.Device, has_grid: bool):
-        self._real = real
+    def __init__(self, mesh: Mesh, tier: Tier, device: wp.Device, has_grid: bool):
+        self._tier, real = tier, tier.real
         canonical = mesh.canonical()
         faces = mesh.device_faces(device)
-        self._corner = build_blocks(faces, real)
+        self._corner, *fine = build_blocks(faces, [real, tier.result] if tier.has_fine else [real])
+        self._fine = fine[0] if fine else None
         self.trees: Trees | None = None
         if has_grid:
             pad = PAD_ROUNDINGS * float(np.finfo(wp.dtype_to_numpy(real)).eps) / 2
@@ -185,8 +186,10 @@ class DeviceMesh:
 
     def struct(self):
         """The mesh as kernels take it."""
-        mesh = mesh_struct(self._real, self.trees is not None)()
+        mesh = mesh_struct(self._tier, self.trees is not None)()
         mesh.block_count, mesh.corner = self._corner.size // BLOCK_SIZE, self._corner
+        if self._fine is not None:
+            mesh.fine = self._fine
         if self.trees is not None:
             mesh.trees = self.trees.struct
         return mesh
@@ -194,7 +197,7 @@ class DeviceMesh:
     @property
     def bytes(self) -> int:
         """Device memory in use."""
-        corners = self._corner.size * wp.types.type_size_in_bytes(self._real)
+        corners = sum(array.capacity for array in (self._corner, self._fine) if array is not None)
         return corners + (self.trees.bytes if self.trees else 0)
 
 

@@ -4,6 +4,7 @@ import numpy as np
 import warp as wp
 
 from warprt.kernels.spec import ShapeKind
+from warprt.kernels.structs import instances_struct, mat33, vec3
 
 from . import checks
 from .grid import Trees, build_box_trees, resolution
@@ -19,18 +20,19 @@ MOST_LISTED = 64
 """In how many cells an instance may be listed on average."""
 MOST_LOOSE = 64
 """How many large instances may be kept out of the grid and tested by every ray."""
-GRID_PAD = 2.0**-26
-"""Least widening of world bounds, relative to the extent of all."""
-REACH = 2.0**14
+GRID_PAD = {wp.float32: 2.0**-18, wp.float64: 2.0**-26}
+"""Least widening of world bounds, relative to the extent of all, for each arithmetic of rays there."""
+REACH = {wp.float32: 2.0**6, wp.float64: 2.0**14}
 """From so many extents away, bounds are wide enough for what 64 roundings of a ray's origin come to in the space of
-an instance and back. Rays from farther away test every instance."""
+an instance and back. In float64, rays from farther away test every instance; in float32 they take their chance."""
 
 
 class Placements:
     """Instances in scene order: x_world = A x_canonical + origin, in float64."""
 
-    def __init__(self, scene: Scene, shapes: list, canonicals: list, device: wp.Device, grid: bool):
+    def __init__(self, scene: Scene, shapes: list, canonicals: list, device: wp.Device, wide: type, grid: bool):
         self.device = device
+        self._wide = wide
         self._is_grid_wanted = grid
         self._canonicals = canonicals
         number = {id(shape): k for k, shape in enumerate(shapes)}
@@ -46,9 +48,9 @@ class Placements:
         self._amplification = np.empty(self.count)
         self._arrays = {
             "shape": wp.array(self.shape, dtype=wp.int32, device=device),
-            "world_from_local": wp.empty(self.count, dtype=wp.mat33d, device=device),
-            "local_from_world": wp.empty(self.count, dtype=wp.mat33d, device=device),
-            "origin": wp.empty(self.count, dtype=wp.vec3d, device=device),
+            "world_from_local": wp.empty(self.count, dtype=mat33(wide), device=device),
+            "local_from_world": wp.empty(self.count, dtype=mat33(wide), device=device),
+            "origin": wp.empty(self.count, dtype=vec3(wide), device=device),
         }
         self._place(slice(0, self.count))
         self._list()
@@ -95,9 +97,9 @@ class Placements:
         arrays = sum(a.capacity for a in self._arrays.values())
         return arrays + (self.trees.bytes if self.trees else 0)
 
-    def struct(self, struct_type):
+    def struct(self):
         """The placements as kernels take them."""
-        instances = struct_type()
+        instances = instances_struct(self._wide, self.has_grid)()
         instances.count, instances.loose_count = self.count, self.loose_count
         for name, array in self._arrays.items():
             setattr(instances, name, array)
@@ -168,9 +170,10 @@ class Placements:
             if len(bounded)
             else 0
         )
-        slack = np.maximum(GRID_PAD, 64 * np.finfo(np.float64).eps / 2 * REACH * self._amplification) * extent
+        roundings = 32 * float(np.finfo(wp.dtype_to_numpy(self._wide)).eps) * REACH[self._wide] * self._amplification
+        slack = np.maximum(GRID_PAD[self._wide], roundings) * extent
         self._wide_lower, self._wide_upper = self.lower - slack[:, None], self.upper + slack[:, None]
-        self._reach = REACH * extent
+        self._reach = REACH[self._wide] * extent if self._wide is wp.float64 else np.inf
 
     def _relist(self, rows: slice) -> None:
         """After some instances have moved: a few are kept out of the grid, for more it is built again.
@@ -218,7 +221,7 @@ class Placements:
     def _build(self, listed: np.ndarray) -> None:
         lower, upper = self._wide_lower[listed].min(axis=0), self._wide_upper[listed].max(axis=0)
         self._center = lower / 2 + upper / 2
-        pad = GRID_PAD * (upper - lower).max()
+        pad = GRID_PAD[self._wide] * (upper - lower).max()
         boxes = [
             wp.array(bound - self._center, dtype=wp.vec3d, device=self.device)
             for bound in (self._wide_lower, self._wide_upper)
@@ -226,7 +229,7 @@ class Placements:
         ids = wp.array(listed.astype(np.int32), dtype=wp.int32, device=self.device)
         lo, hi = lower - self._center - pad, upper - self._center + pad
         count = self._resolution(listed, hi - lo)
-        self.trees = build_box_trees(*boxes, ids, lo, hi, count, pad)
+        self.trees = build_box_trees(*boxes, ids, lo, hi, count, pad, self._wide)
 
 
 def _matrices(item) -> np.ndarray:

@@ -8,7 +8,8 @@ import warp as wp
 
 from warprt.kernels.cast import make_cast, make_cast_packets, make_occluded, make_occluded_packets, make_spawn
 from warprt.kernels.render import make_render
-from warprt.kernels.structs import hit_arrays_struct, instances_struct
+from warprt.kernels.spec import Tier
+from warprt.kernels.structs import hit_arrays_struct
 
 from . import checks
 from .assemble import assemble, assemble_look
@@ -21,8 +22,7 @@ from .scene import Scene
 from .typing import Array, ArrayLike
 from .walk import CellWalk, walk_cells
 
-TIERS = {"robust": wp.float32, "double": wp.float64}
-"""Arithmetic inside meshes, and type of results, for each accuracy."""
+TIERS = tuple(tier.value for tier in Tier)
 ACCELERATORS = ("grid", "none")
 MOST_SAMPLES = 1_000_000
 """More samples per pixel, or bounces, make no sense."""
@@ -48,7 +48,8 @@ def _choice(value: str, choices: Iterable[str], name: str) -> str:
 class Tracer:
     """A scene on a device.
 
-    accuracy: "robust" (float32, float64 where that cancels, watertight) or "double" (float64 throughout).
+    accuracy: "fast" (float32 throughout, nothing promised), "robust" (float32, and float64 where that would cancel;
+    watertight), "mixed" (faces are found in float32 and tested in float64) or "double" (float64 throughout).
     device: a Warp device or its name; None is Warp's current device. accelerator: "grid", or "none" to test every
     primitive. threads: CPU threads, by default WARPRT_THREADS or all cores; results do not depend on them.
 
@@ -70,8 +71,9 @@ class Tracer:
         self.accelerator = _choice(accelerator, ACCELERATORS, "accelerator")
         self.device = as_device(device)
         self.threads = default_threads() if threads is None else checks.integer(threads, "threads")
-        self._real = TIERS[accuracy]
-        self._device_scene = assemble(scene, self._real, self.device, accelerator == "grid")
+        tier = Tier(accuracy)
+        self._real = tier.result
+        self._device_scene = assemble(scene, tier, self.device, accelerator == "grid")
         self._look: tuple | None = None
 
     def __repr__(self) -> str:
@@ -154,7 +156,7 @@ class Tracer:
         """
         placements = self._device_scene.placements
         placements.move(first_instance, world_from_local)
-        self._device_scene.struct.instances = placements.struct(instances_struct(placements.has_grid))
+        self._device_scene.struct.instances = placements.struct()
 
     def render(
         self,
