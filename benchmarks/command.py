@@ -9,7 +9,7 @@ from warprt.files import require_writable
 from warprt.launch import default_threads
 from warprt.mesh_files import read_mesh
 
-from . import instances, machine, meshes, rates, report, scaling, specialisation
+from . import instances, machine, meshes, rates, report, resolution, scaling, specialisation
 
 SIZES = (10_000, 100_000, 1_000_000)
 QUICK_SIZES = (10_000, 100_000)
@@ -66,6 +66,13 @@ def _rates(options, size: int, rounds: int, threads: int):
     return results, report.table, report.draw_ratios
 
 
+def _resolution(options, size: int, rounds: int, threads: int):
+    makers = chosen(options.mesh, options.subdivide, options.field, options.quick)
+    bar = tqdm(makers, disable=None, leave=False, desc="bench")
+    results = {name: resolution.measure(makers[name](), size, rounds, threads) for name in bar}
+    return results, resolution.table, resolution.draw
+
+
 def _scaling(options, size: int, rounds: int, threads: int):
     sizes = QUICK_SIZES if options.quick else SCALING_SIZES
     return scaling.measure(sizes, size, rounds, threads), scaling.table, scaling.draw
@@ -81,5 +88,11 @@ def _specialisation(options, size: int, rounds: int, threads: int):
     return specialisation.measure(size, rounds, threads), specialisation.table, None
 
 
-TOPICS = {"rates": _rates, "scaling": _scaling, "instances": _instances, "specialisation": _specialisation}
+TOPICS = {
+    "rates": _rates,
+    "resolution": _resolution,
+    "scaling": _scaling,
+    "instances": _instances,
+    "specialisation": _specialisation,
+}
 """What can be measured: functions that give (results, table of them, drawing of them or None)."""

@@ -9,6 +9,8 @@ from .memory import int_at, vec3d_at
 from .rounding import OPTIONS, largest, largest_of, smallest_of, unit_roundoff
 from .structs import WIDE
 
+PLACE_BITS = 30
+"""Of a place along the curve: ten for each axis."""
 CHUNK = 1024
 """Faces that one thread adds up."""
 

@@ -221,14 +221,14 @@ def list_boxes(
 
 
 @wp.kernel(module="unique", enable_backward=False, module_options=OPTIONS)
-def find_starts(cell: wp.array(dtype=wp.int32), pair_count: int, start: wp.array(dtype=wp.int32)):
-    """start[c]: the first of the sorted pairs whose cell is not below c."""
+def find_starts(number: wp.array(dtype=wp.int32), count: int, step: int, start: wp.array(dtype=wp.int32)):
+    """start[c]: the first of the sorted numbers that is not below c * step."""
     c = wp.tid()
     # wp.lower_bound never answers with the end of its range.
-    if c > cell[pair_count - 1]:
-        start[c] = pair_count
+    if c * step > number[count - 1]:
+        start[c] = count
     else:
-        start[c] = wp.lower_bound(cell, 0, pair_count, c)
+        start[c] = wp.lower_bound(number, 0, count, c * step)
 
 
 @wp.func

@@ -100,7 +100,13 @@ def test_command_prints_a_table_and_writes_files(tmp_path, capsys):
 
 
 @pytest.mark.parametrize(
-    "topic, words", [("scaling", "cube|power"), ("instances", "10,000 instances"), ("specialisation", "times as fast")]
+    "topic, words",
+    [
+        ("resolution", "auto takes longer by"),
+        ("scaling", "cube|power"),
+        ("instances", "10,000 instances"),
+        ("specialisation", "times as fast"),
+    ],
 )
 def test_command_measures_each_topic(topic, words, tmp_path, capsys):
     path = tmp_path / "results.json"
@@ -111,9 +117,10 @@ def test_command_measures_each_topic(topic, words, tmp_path, capsys):
     assert saved["results"]
 
 
-def test_scaling_is_drawn(tmp_path):
-    assert main(["bench", "scaling", "--quick", "--size", "16", "--plot", str(tmp_path / "scaling.png")]) == 0
-    assert (tmp_path / "scaling.png").stat().st_size > 5000
+@pytest.mark.parametrize("topic", ["scaling", "resolution"])
+def test_topics_are_drawn(topic, tmp_path):
+    assert main(["bench", topic, "--quick", "--size", "16", "--plot", str(tmp_path / "plot.png")]) == 0
+    assert (tmp_path / "plot.png").stat().st_size > 5000
 
 
 def test_command_refuses_what_it_cannot_do(tmp_path, capsys):

@@ -170,7 +170,7 @@ def lists(kernel, cells, arguments, items, device, outputs=lambda pairs: ()):
     order = np.argsort(cell.numpy(), kind="stable")
     sorted_cell = wp.array(cell.numpy()[order], dtype=wp.int32, device=device)
     start = wp.zeros(total + 1, dtype=wp.int32, device=device)
-    wp.launch(build.find_starts, dim=total + 1, inputs=[sorted_cell, pairs, start], device=device)
+    wp.launch(build.find_starts, dim=total + 1, inputs=[sorted_cell, pairs, 1, start], device=device)
     start, item = start.numpy(), item.numpy()[order]
     assert start[0] == 0
     assert start[-1] == pairs == len(item)
@@ -410,5 +410,5 @@ def test_box_is_listed_in_each_of_its_cells(lower, upper, cells, device):
 def test_starts_are_where_each_cell_begins(cells, device):
     start = wp.full(7, -7, dtype=wp.int32, device=device)
     cell = wp.array(np.array(cells, dtype=np.int32), dtype=wp.int32, device=device)
-    wp.launch(build.find_starts, dim=7, inputs=[cell, len(cells), start], device=device)
+    wp.launch(build.find_starts, dim=7, inputs=[cell, len(cells), 1, start], device=device)
     np.testing.assert_array_equal(start.numpy(), np.searchsorted(cells, np.arange(7)))

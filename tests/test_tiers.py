@@ -72,9 +72,7 @@ def test_fast_answers_every_kind_of_question(crowd, device):
     walk = rt.Tracer(scene, "fast", device).walk(o[0], d[0])
     assert (walk.t_exit >= walk.t_enter).all()
     camera = rt.Camera((0, 3, 20), (0, 0, 0))
-    pictures = [
-        rt.Tracer(scene, accuracy, device).render(camera, (64, 48))["color"] for accuracy in ("fast", "double")
-    ]
+    pictures = [rt.Tracer(scene, accuracy, device).render(camera, (64, 48))["color"] for accuracy in ("fast", "double")]
     assert (np.abs(pictures[0] - pictures[1]).max(axis=2) > 1e-3).mean() < 0.01
 
 

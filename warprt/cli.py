@@ -77,7 +77,8 @@ def _parser() -> _Parser:
     render.add_argument("--no-clobber", action="store_true", help="refuse to replace a file")
     render.set_defaults(run=_render)
     bench = commands.add_parser("bench", help="measure against wp.Mesh and Embree")
-    bench.add_argument("topic", nargs="?", default="rates", choices=["rates", "scaling", "instances", "specialisation"])
+    topics = ["rates", "resolution", "scaling", "instances", "specialisation"]
+    bench.add_argument("topic", nargs="?", default="rates", choices=topics)
     bench.add_argument("--quick", action="store_true", help="fewer and smaller meshes: under a minute")
     bench.add_argument("--mesh", nargs="+", default=[], metavar="FILE", help="measure these instead of made-up meshes")
     bench.add_argument("--subdivide", type=int, default=0, metavar="N", help="also the first file, faces cut into 4^N")

@@ -16,6 +16,12 @@ from .memory import empty, require
 
 FACES_PER_CELL = 64.0
 """Chosen by measurement, see benchmarks/results; rates change little between 16 and 64."""
+EVEN = 0.6
+"""What `evenness` is on scans, by measurement. Below it, cells are fewer in proportion."""
+FEWEST_CELLS = 64.0
+"""To how many cells a crowd may bring a grid down: fewer were slower, also on a pot in an empty field."""
+REGIONS = 4096
+"""Parts of canonical space in which faces are counted: the first four levels of the curve along which they lie."""
 MOST_LISTED = 64
 """In how many cells the bounds of a face may lie on average."""
 MOST_ROOM = 8
@@ -102,7 +108,7 @@ def list_pairs(grid, count: tuple[int, int, int], kernel: wp.Kernel, items: int,
     wp.utils.radix_sort_pairs(cell, number, total, begin_bit=0, end_bit=max(1, cells.bit_length()))
     start = empty(cells + 1, wp.int32, device)
     load(build.find_starts, device)
-    wp.launch(build.find_starts, dim=cells + 1, inputs=[cell, total, start], device=device)
+    wp.launch(build.find_starts, dim=cells + 1, inputs=[cell, total, 1, start], device=device)
     return Pairs(total, start, number)
 
 
@@ -137,13 +143,19 @@ def vertex_bounds(vertices: wp.array, indices: wp.array) -> tuple[np.ndarray, np
     return found[:, :3].min(axis=0), found[:, 3:].max(axis=0)
 
 
-def build_blocks(faces: Faces, reals: list[type]) -> list[wp.array]:
-    """Sorts faces along a space-filling curve and cuts them into blocks, see kernels/blocks.py, of each type."""
-    device, count, threads = faces.indices.device, faces.count, default_threads()
-    key, sorted_face = (empty(2 * count, wp.int32, device) for _ in range(2))
-    launch(block_build.place_faces, count, [*faces.inputs, key, sorted_face], device, threads)
-    wp.utils.radix_sort_pairs(key, sorted_face, count, begin_bit=0, end_bit=30)
-    blocks = -(-count // LANES)
+def sort_faces(faces: Faces) -> tuple[wp.array, wp.array]:
+    """(places along a space-filling curve, faces in that order); of both, the first half counts."""
+    device, count = faces.indices.device, faces.count
+    place, sorted_face = (empty(2 * count, wp.int32, device) for _ in range(2))
+    launch(block_build.place_faces, count, [*faces.inputs, place, sorted_face], device, default_threads())
+    wp.utils.radix_sort_pairs(place, sorted_face, count, begin_bit=0, end_bit=block_build.PLACE_BITS)
+    return place, sorted_face
+
+
+def build_blocks(faces: Faces, sorted_face: wp.array, reals: list[type]) -> list[wp.array]:
+    """Cuts sorted faces into blocks, see kernels/blocks.py, of each type."""
+    device, threads = faces.indices.device, default_threads()
+    blocks = -(-faces.count // LANES)
     corners = [empty(BLOCK_SIZE * blocks, real, device) for real in reals]
     for corner in corners:
         fill = block_build.make_fill_blocks(corner.dtype)
@@ -151,14 +163,33 @@ def build_blocks(faces: Faces, reals: list[type]) -> list[wp.array]:
     return corners
 
 
-def auto_resolution(faces: Faces, extent: np.ndarray) -> tuple[int, int, int]:
-    """Cells along each axis: fewer than usual where faces are so large that lists would grow too long."""
+def evenness(place: wp.array, count: int) -> float:
+    """How evenly faces fill the regions where there are any: from 1, if all hold as many, down to 1 / regions.
+
+    The number of equal regions that would have the same sum of squares (the inverse of Simpson's index), over that of
+    regions in use.
+    """
+    start = wp.empty(REGIONS + 1, dtype=wp.int32, device=place.device)
+    load(build.find_starts, place.device)
+    step = 2**block_build.PLACE_BITS // REGIONS
+    wp.launch(build.find_starts, dim=REGIONS + 1, inputs=[place, count, step, start], device=place.device)
+    held = np.diff(start.numpy()).astype(np.float64)
+    return count**2 / (held**2).sum() / np.count_nonzero(held)
+
+
+def auto_resolution(faces: Faces, place: wp.array, extent: np.ndarray) -> tuple[int, int, int]:
+    """Cells along each axis.
+
+    Fewer than usual where most faces crowd in a few regions, since cells elsewhere would be walked through for nothing,
+    and trees serve the crowd as well; and where faces are so large that lists would grow too long.
+    """
     device, chunks = faces.indices.device, -(-faces.count // block_build.CHUNK)
     sums = wp.empty((chunks, 7), dtype=wp.float64, device=device)
     inputs = [faces.vertices, faces.indices, wp.float64(faces.scale), sums]
     launch(block_build.sum_extents, chunks, inputs, device, default_threads())
     x, y, z, xy, yz, zx, xyz = sums.numpy().sum(axis=0)
-    cells = faces.count / FACES_PER_CELL
+    usual = faces.count / FACES_PER_CELL
+    cells = max(usual * min(1.0, evenness(place, faces.count) / EVEN), min(usual, FEWEST_CELLS))
     while True:
         count = resolution(extent, cells)
         a, b, c = (n / length for n, length in zip(count, extent, strict=True))

@@ -4,6 +4,7 @@ Warp releases the interpreter lock while a CPU kernel runs. Each ray writes only
 same bits for any number of threads.
 """
 
+import itertools
 import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
@@ -19,9 +20,9 @@ on_compile: Callable[[], None] | None = None
 """Called, once, before a kernel is compiled that is not in Warp's cache."""
 _is_announced = False
 
-BAND = 8192
+BAND = 4096
 """Fewest rays per launch on a CPU: enough to hide the cost of a launch."""
-BANDS_PER_THREAD = 4
+BANDS_PER_THREAD = 16
 """Bands of a launch for each thread: enough to share the work evenly."""
 
 
@@ -70,9 +71,7 @@ def launch(kernel: wp.Kernel, count: int, inputs: list, device: wp.Device, threa
     if device.is_cuda:
         wp.launch(kernel, dim=count, inputs=[*inputs, first], device=device)
         return
-    band = _band(count, threads)
-    starts = range(first, first + count, band)
-    _run_bands(kernel, [(min(band, first + count - start), [*inputs, start]) for start in starts], device, threads)
+    _run_bands(kernel, count, 1, [*inputs, first], device, threads)
 
 
 def launch_packets(kernel: wp.Kernel, count: int, inputs: list, device: wp.Device, threads: int) -> None:
@@ -86,25 +85,32 @@ def launch_packets(kernel: wp.Kernel, count: int, inputs: list, device: wp.Devic
     if device.is_cuda:
         wp.launch(kernel, dim=count, inputs=[*inputs, 1, count, 0], device=device)
         return
-    packets = -(-count // PACKET)
-    band = _band(count, threads) // PACKET + 1
-    starts = range(0, packets, band)
-    launches = [(min(band, packets - k), [*inputs, PACKET, count, PACKET * k]) for k in starts]
-    _run_bands(kernel, launches, device, threads)
+    _run_bands(kernel, -(-count // PACKET), PACKET, [*inputs, PACKET, count, 0], device, threads)
 
 
-def _band(count: int, threads: int) -> int:
-    """Rays of one launch on a CPU."""
-    return count if threads == 1 else max(BAND, -(-count // (BANDS_PER_THREAD * threads)))
+def _run_bands(kernel: wp.Kernel, count: int, width: int, inputs: list, device: wp.Device, threads: int) -> None:
+    """Runs `count` indices of a kernel on a CPU, in bands that threads take one after the other.
 
-
-def _run_bands(kernel: wp.Kernel, launches: list[tuple[int, list]], device: wp.Device, threads: int) -> None:
-    """Launches of (dim, inputs), shared by threads."""
+    The last input is the first ray; from one index to the next it is `width` rays.
+    """
+    band = max(-(-BAND // width), -(-count // (BANDS_PER_THREAD * threads)))
+    workers = min(threads, -(-count // band))
     # Recorded here, on one thread: packing arguments and loading modules is not safe on several.
-    bands = [wp.launch(kernel, dim=dim, inputs=inputs, device=device, record_cmd=True) for dim, inputs in launches]
-    if threads == 1 or len(bands) == 1:
-        for band in bands:
-            band.launch()
+    launches = [wp.launch(kernel, dim=count, inputs=inputs, device=device, record_cmd=True) for _ in range(workers)]
+    if workers == 1:
+        launches[0].launch()
         return
-    for future in [pool(threads).submit(band.launch) for band in bands]:
+    numbers = itertools.count()
+    last, first = len(inputs) - 1, inputs[-1]
+
+    def work(command: wp.Launch) -> None:
+        for number in numbers:  # shared: each is taken once
+            start = number * band
+            if start >= count:
+                return
+            command.set_param_at_index(last, first + width * start)
+            command.set_dim(min(band, count - start))
+            command.launch()
+
+    for future in [pool(threads).submit(work, command) for command in launches]:
         future.result()

@@ -11,7 +11,7 @@ from warprt.kernels.spec import ShapeKind, Tier
 from warprt.kernels.structs import mesh_struct
 
 from . import checks
-from .grid import Faces, Trees, auto_resolution, build_block_trees, build_blocks, vertex_bounds
+from .grid import Faces, Trees, auto_resolution, build_block_trees, build_blocks, sort_faces, vertex_bounds
 from .shapes import Canonical, power_of_two_above
 from .typing import ArrayLike
 
@@ -173,7 +173,8 @@ class DeviceMesh:
         self._tier, real = tier, tier.real
         canonical = mesh.canonical()
         faces = mesh.device_faces(device)
-        self._corner, *fine = build_blocks(faces, [real, tier.result] if tier.has_fine else [real])
+        place, sorted_face = sort_faces(faces)
+        self._corner, *fine = build_blocks(faces, sorted_face, [real, tier.result] if tier.has_fine else [real])
         self._fine = fine[0] if fine else None
         self.trees: Trees | None = None
         if has_grid:
@@ -181,7 +182,7 @@ class DeviceMesh:
             lower, upper = canonical.lower - 2 * pad, canonical.upper + 2 * pad
             count = mesh.grid or (1, 1, 1)
             if count == "auto":
-                count = auto_resolution(faces, upper - lower)
+                count = auto_resolution(faces, place, upper - lower)
             self.trees = build_block_trees(self._corner, lower, upper, count, pad, real)
 
     def struct(self):

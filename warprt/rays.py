@@ -1,5 +1,6 @@
 """Rays as a user gives them, brought to a device without changing a bit of them."""
 
+import math
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -27,7 +28,7 @@ class Rays:
     @property
     def count(self) -> int:
         """Number of rays."""
-        return int(np.prod(self.shape, dtype=np.int64))
+        return math.prod(self.shape)
 
 
 def as_rays(origins, directions, t_min, t_max, device: wp.Device) -> Rays:
