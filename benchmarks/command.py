@@ -9,7 +9,7 @@ from warprt.files import require_writable
 from warprt.launch import default_threads
 from warprt.mesh_files import read_mesh
 
-from . import instances, machine, meshes, rates, report, resolution, scaling, specialisation
+from . import instances, leaks, machine, meshes, rates, report, resolution, scaling, specialisation
 
 SIZES = (10_000, 100_000, 1_000_000)
 QUICK_SIZES = (10_000, 100_000)
@@ -88,11 +88,17 @@ def _specialisation(options, size: int, rounds: int, threads: int):
     return specialisation.measure(size, rounds, threads), specialisation.table, None
 
 
+def _leaks(options, size: int, rounds: int, threads: int):
+    rays = int(options.rays or (100_000 if options.quick else 1_000_000))
+    return leaks.measure(rays, threads, tuple(options.accuracy.split(","))), leaks.table, None
+
+
 TOPICS = {
     "rates": _rates,
     "resolution": _resolution,
     "scaling": _scaling,
     "instances": _instances,
     "specialisation": _specialisation,
+    "leaks": _leaks,
 }
 """What can be measured: functions that give (results, table of them, drawing of them or None)."""

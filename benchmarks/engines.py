@@ -29,6 +29,10 @@ class Engine:
         """(n,) ids of the faces hit, -1 for none; with `any_hit`, 0 where something is met."""
         raise NotImplementedError
 
+    def parameters(self, result) -> np.ndarray:
+        """(n,) t of the closest hits; of no meaning where there is none."""
+        raise NotImplementedError
+
 
 class Ours(Engine):
     """warprt, with Warp arrays in and out."""
@@ -48,6 +52,9 @@ class Ours(Engine):
 
     def faces(self, rays, result):
         return np.where(result.numpy(), 0, -1) if rays.any_hit else result.primitive_id.numpy()
+
+    def parameters(self, result):
+        return result.t.numpy()
 
 
 class WarpMesh(Engine):
@@ -79,6 +86,9 @@ class WarpMesh(Engine):
 
     def faces(self, rays, result):
         return np.where(result[0].numpy(), 0, -1) if rays.any_hit else result[1].numpy()
+
+    def parameters(self, result):
+        return result[0].numpy()
 
 
 @wp.kernel(module="unique", enable_backward=False)
@@ -134,6 +144,9 @@ class Open3D(Engine):
     def faces(self, rays, result):
         return np.where(result.numpy(), 0, -1) if rays.any_hit else result["primitive_ids"].numpy().astype(np.int32)
 
+    def parameters(self, result):
+        return result["t_hit"].numpy()
+
 
 class Embreex(Engine):
     """embreex, the binding that trimesh uses; one thread."""
@@ -159,6 +172,9 @@ class Embreex(Engine):
     def faces(self, rays, result):
         # Whether occluded comes as 0 for a hit and -1 for none already.
         return np.asarray(result) if rays.any_hit else result["primID"]
+
+    def parameters(self, result):
+        return result["tfar"]
 
 
 def peer_makers(threads: int) -> dict:

@@ -4,9 +4,11 @@ from functools import cache
 
 import warp as wp
 
+from .error import make_t_error
 from .memory import make_at, vec3d_at
 from .packet import make_store_packet, make_trace_packet, packet_struct
-from .spec import Spec
+from .rounding import real_above
+from .spec import Spec, Tier
 from .structs import WIDE, hit_arrays_struct, hit_struct, rays_struct, scene_struct, vec3
 from .surface import leave, make_surface
 from .trace import make_primitive_id, make_trace
@@ -38,6 +40,8 @@ def make_store_surface(spec: Spec):
     vec, vec2 = vec3(real), wp.types.vector(2, real)
     Scene, Arrays, Hit = scene_struct(spec), hit_arrays_struct(real), hit_struct(wide)
     surface, load_ray = make_surface(spec), make_load_ray(wide)
+    has_error = spec.tier is not Tier.FAST
+    bound = make_t_error(spec) if has_error else None
 
     @wp.func
     def store_surface(scene: Scene, rays: Rays, hits: Arrays, k: int, hit: Hit):
@@ -47,6 +51,9 @@ def make_store_surface(spec: Spec):
             s = surface(scene, o, d, t_min, hit)
             position, normal, uv = vec(s.position), vec(s.normal), vec2(real(s.u), real(s.v))
             t_error = real(wp.nan)
+            if wp.static(has_error):
+                if hits.t_error.shape[0] > 0:
+                    t_error = real_above(bound(scene, o, d, wide(real(hit.t)), hit, s), t_error)
         if hits.position.shape[0] > 0:
             hits.position[k] = position
         if hits.normal.shape[0] > 0:

@@ -91,7 +91,9 @@ def instances_struct(wide, has_grid: bool):
         "shape": wp.array(dtype=wp.int32),
         "local_from_world": wp.array(dtype=mat33(wide)),  # W, the inverse of A
         "world_from_local": wp.array(dtype=mat33(wide)),  # A
+        "inverse_error": wp.array(dtype=wp.float32),  # of each element of W, relative
         "origin": wp.array(dtype=vec3(wide)),
+        "origin_error": wp.array(dtype=wp.vec3f),  # of each component: the shape's centre has been folded in
         "order": wp.array(dtype=wp.int32),  # instances that no grid lists come first
         "loose_count": wp.int32,  # how many those are
     }
@@ -234,6 +236,8 @@ def surface_struct(wide):
             "normal": vec3(wide),  # unit, outward
             "u": wide,
             "v": wide,
+            "axis": wp.int32,  # of a box: which wall, and whether the upper one
+            "is_upper": wp.bool,
             "offset": wide,  # how far along the normal a ray must start so as not to meet this surface
         },
     )

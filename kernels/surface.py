@@ -100,7 +100,9 @@ def make_surface(spec: Spec):
                 elif local.scale * (local.start + far) == hit.t:
                     axis = far_axis
                 n = normal_box(p, shape.lower, shape.upper, axis)
-                p[axis] = wp.where(n[axis] > wide(0.0), shape.upper[axis], shape.lower[axis])
+                s.axis = axis
+                s.is_upper = n[axis] > wide(0.0)
+                p[axis] = wp.where(s.is_upper, shape.upper[axis], shape.lower[axis])
         if wp.static(has_plane):
             if shape.kind == wp.static(int(ShapeKind.PLANE)):
                 n = unit(shape.upper)

@@ -38,6 +38,19 @@ def is_outside(ax: Real, ay: Real, bx: Real, by: Real, cx: Real, cy: Real):
 
 
 @wp.func
+def have_opposite_signs(wa: wp.float64, wb: wp.float64, wc: wp.float64):
+    """Whether one is below 0 and another above."""
+    zero = wp.float64(0.0)
+    return (wa < zero or wb < zero or wc < zero) and (wa > zero or wb > zero or wc > zero)
+
+
+@wp.func
+def have_opposite_signs(wa: wp.float32, wb: wp.float32, wc: wp.float32):
+    """Never: the filter has decided, and weights in float32, which round otherwise, could only leak."""
+    return False
+
+
+@wp.func
 def edge_weights(ax: Real, ay: Real, bx: Real, by: Real, cx: Real, cy: Real, like: Wide):
     """(is_hit, wa, wb, wc): unnormalised barycentric weights in the type of `like`; edges count.
 
@@ -46,10 +59,8 @@ def edge_weights(ax: Real, ay: Real, bx: Real, by: Real, cx: Real, cy: Real, lik
     wa = difference_of_products(cx, by, cy, bx, like)
     wb = difference_of_products(ax, cy, ay, cx, like)
     wc = difference_of_products(bx, ay, by, ax, like)
-    zero = type(like)(0.0)
-    is_mixed = (wa < zero or wb < zero or wc < zero) and (wa > zero or wb > zero or wc > zero)
     # A sum of 0 with equal signs means that all are 0: the triangle is seen edge on, or has no area.
-    return not is_mixed and wa + wb + wc != zero, wa, wb, wc
+    return not have_opposite_signs(wa, wb, wc) and wa + wb + wc != type(like)(0.0), wa, wb, wc
 
 
 @wp.func

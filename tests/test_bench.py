@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 import trimesh
 
-from warprt.benchmarks import meshes, rates, rays
+from warprt.benchmarks import leaks, meshes, rates, rays
 from warprt.benchmarks.agreement import agreement
+from warprt.benchmarks.engines import Ours
 from warprt.cli import main
 from warprt.timing import alternating, ratio
 
@@ -136,3 +137,31 @@ def test_there_is_no_plot_of_some_topics(tmp_path, capsys):
     assert main(["bench", "specialisation", "--quick", "--size", "8", "--plot", str(path)]) == 2
     assert "no plot" in capsys.readouterr().err
     assert not path.exists()
+
+
+def test_census_of_leaks_finds_none_of_ours(capsys):
+    assert main(["bench", "leaks", "--rays", "1e6", "--accuracy", "robust"]) == 0
+    ours = next(line for line in capsys.readouterr().out.splitlines() if line.startswith("warprt robust"))
+    assert ours.count("0 of 1,0") == 3
+
+
+def test_census_counts_the_rays_that_leak():
+    mesh = leaks.at(leaks.cube(), (0, 0, 0))
+    opened = mesh[0], mesh[1][1:]
+    rays = leaks.aimed(mesh, (0, 0, 0), "random", 3000, np.random.default_rng(0))
+    counts = {}
+    leaks._add(counts, Ours(opened, 1), rays)
+    (found,) = counts.values()
+    assert found["rays"] == 3000
+    # One of twelve triangles is missing.
+    assert 100 < found["leaks"] < 500
+
+
+@pytest.mark.parametrize("name", leaks.MESHES)
+@pytest.mark.parametrize("offset", leaks.OFFSETS.values())
+def test_meshes_of_the_census_are_closed(name, offset):
+    vertices, faces = leaks.at(leaks.MESHES[name](), offset)
+    edges = np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), axis=1)
+    assert (np.unique(edges, axis=0, return_counts=True)[1] == 2).all()
+    around = leaks.aimed((vertices, faces), offset, "vertex", 100, np.random.default_rng(0))
+    assert np.isfinite(around.directions).all()

@@ -8,7 +8,7 @@ from test_grid import rays, sphere_mesh
 
 import warprt as rt
 import warprt.transform
-from warprt.inverse import inverses
+from warprt.double_double import inverses
 
 U = {"robust": 2.0**-24, "mixed": 2.0**-53, "double": 2.0**-53}
 

@@ -17,15 +17,6 @@ from warprt.grid import (
     sort_faces,
     vertex_bounds,
 )
-    FACES_PER_CELL,
-    MOST_LISTED,
-    Faces,
-    auto_resolution,
-    build_blocks,
-    evenness,
-    sort_faces,
-    vertex_bounds,
-)
 from warprt.kernels import block_build
 from warprt.kernels.blocks import BLOCK_SIZE
 

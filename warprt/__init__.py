@@ -7,6 +7,8 @@ if not (Path(__file__).parent / "kernels").is_dir():
     __path__.append(str(Path(__file__).parents[1]))
 
 from ._version import __version__ as __version__
+from .audit import Audit as Audit
+from .audit import audit as audit
 from .camera import Camera as Camera
 from .hits import Hits as Hits
 from .image import Image as Image
@@ -15,6 +17,8 @@ from .lights import DirectionalLight as DirectionalLight
 from .lights import GradientSky as GradientSky
 from .lights import PointLight as PointLight
 from .materials import Material as Material
+from .measure import Measured as Measured
+from .measure import measure as measure
 from .mesh import Mesh as Mesh
 from .scene import Instance as Instance
 from .scene import Instances as Instances

@@ -77,17 +77,37 @@ def _parser() -> _Parser:
     render.add_argument("--no-clobber", action="store_true", help="refuse to replace a file")
     render.set_defaults(run=_render)
     bench = commands.add_parser("bench", help="measure against wp.Mesh and Embree")
-    topics = ["rates", "resolution", "scaling", "instances", "specialisation"]
+    topics = ["rates", "resolution", "scaling", "instances", "specialisation", "leaks"]
     bench.add_argument("topic", nargs="?", default="rates", choices=topics)
     bench.add_argument("--quick", action="store_true", help="fewer and smaller meshes: under a minute")
     bench.add_argument("--mesh", nargs="+", default=[], metavar="FILE", help="measure these instead of made-up meshes")
     bench.add_argument("--subdivide", type=int, default=0, metavar="N", help="also the first file, faces cut into 4^N")
     bench.add_argument("--field", metavar="FILE", help="also this mesh, small in the middle of a wide field")
     bench.add_argument("--size", type=int, metavar="N", help="at most N x N rays of a kind; default 512")
+    bench.add_argument("--rays", type=float, metavar="N", help="for leaks: rays of each aim; default 1e6")
+    bench.add_argument("--accuracy", default="robust", metavar="T,...", help="for leaks: tiers; default robust")
     bench.add_argument("--threads", type=int, metavar="N", help="of all that can use several; default: all cores")
     bench.add_argument("-o", "--output", type=Path, metavar="JSON", help="write the figures, machine and versions")
     bench.add_argument("--plot", type=Path, metavar="PNG", help="draw the ratios")
     bench.set_defaults(run=_bench)
+    audit = commands.add_parser("audit", help="which accuracy a scene needs")
+    audit.add_argument("scene", metavar="SCENE", help="a file or a ready scene")
+    audit.add_argument(
+        "--tolerance", type=float, metavar="X", help="of a hit along its ray; default 1e-6 of the extent"
+    )
+    audit.add_argument("--device", metavar="D", help="cpu, cuda:0, ...; default: the GPU if there is one")
+    audit.add_argument("--threads", type=int, metavar="N", help="CPU threads; default: all cores")
+    audit.set_defaults(run=_audit)
+    tradeoff = commands.add_parser("tradeoff", help="what speed costs in accuracy, on a scene")
+    tradeoff.add_argument("scene", metavar="SCENE", help="a file or a ready scene")
+    tradeoff.add_argument("--accuracy", default=",".join(TIERS), metavar="T,...", help="tiers; default all")
+    tradeoff.add_argument("--rays", type=int, default=100_000, metavar="N", help="default 100,000")
+    tradeoff.add_argument("--rounds", type=int, default=7, metavar="N", help="of the timing; default 7")
+    tradeoff.add_argument("--device", metavar="D", help="cpu, cuda:0, ...; default: the GPU if there is one")
+    tradeoff.add_argument("--threads", type=int, metavar="N", help="CPU threads; default: all cores")
+    tradeoff.add_argument("-o", "--output", type=Path, metavar="JSON", help="write the figures, machine and versions")
+    tradeoff.add_argument("--plot", type=Path, metavar="PNG", help="draw time against error")
+    tradeoff.set_defaults(run=_tradeoff)
     info = commands.add_parser("info", help="versions, devices, ready scenes")
     info.set_defaults(run=_info)
     return parser
@@ -96,6 +116,18 @@ def _parser() -> _Parser:
 def _bench(options: argparse.Namespace) -> None:
     # Only here: it brings in peers, which are large.
     from warprt.benchmarks.command import run
+
+    run(options)
+
+
+def _audit(options: argparse.Namespace) -> None:
+    from .audit import audit
+
+    print(audit(load_scene(options.scene), options.tolerance, device=options.device, threads=options.threads))
+
+
+def _tradeoff(options: argparse.Namespace) -> None:
+    from warprt.benchmarks.tradeoff import run
 
     run(options)
 

@@ -7,13 +7,16 @@ from warprt.kernels.spec import ShapeKind
 from warprt.kernels.structs import instances_struct, mat33, vec3
 
 from . import checks
+from .double_double import images, inverses
 from .grid import Trees, build_box_trees, resolution
 from .scene import Instance, Scene
-from .transform import affine, inverse_linear
+from .transform import MOST_CONDITION, affine, inverse_linear
 from .typing import ArrayLike
 
 CELLS_PER_INSTANCE = 0.5
 """Cells of the grid over instances, for each of them."""
+INVERSE_ERROR = 4 * 2.0**-53
+"""Bound of the relative error of each element of an inverse; see double_double.py."""
 FEWEST_LISTED = 16
 """With fewer bounded instances than this, testing each is as fast as a grid."""
 MOST_LISTED = 64
@@ -43,6 +46,8 @@ class Placements:
         # Of the shape as the user gave it, before its canonical centre and scale are folded in.
         self.world_from_local = np.concatenate([np.empty((0, 4, 4)), *(_matrices(item) for item in scene.objects)])
         self.local_from_world = np.concatenate([np.empty((0, 3, 3)), *(_inverses(item) for item in scene.objects)])
+        self._inverse_error = np.full(self.count, INVERSE_ERROR, dtype=np.float32)
+        self._invert(np.repeat([isinstance(item, Instance) for item in scene.objects], counts).nonzero()[0])
         self.canonical_linear, self.canonical_origin = np.empty((self.count, 3, 3)), np.empty((self.count, 3))
         self.lower, self.upper = np.empty((self.count, 3)), np.empty((self.count, 3))
         self._amplification = np.empty(self.count)
@@ -50,7 +55,9 @@ class Placements:
             "shape": wp.array(self.shape, dtype=wp.int32, device=device),
             "world_from_local": wp.empty(self.count, dtype=mat33(wide), device=device),
             "local_from_world": wp.empty(self.count, dtype=mat33(wide), device=device),
+            "inverse_error": wp.empty(self.count, dtype=wp.float32, device=device),
             "origin": wp.empty(self.count, dtype=vec3(wide), device=device),
+            "origin_error": wp.empty(self.count, dtype=wp.vec3f, device=device),
         }
         self._place(slice(0, self.count))
         self._list()
@@ -67,12 +74,15 @@ class Placements:
             )
         rows = slice(first, first + len(matrices))
         inverse = inverse_linear(matrices[:, :3, :3], "world_from_local")
-        before = self.world_from_local[rows].copy(), self.local_from_world[rows].copy()
-        self.world_from_local[rows], self.local_from_world[rows] = matrices, inverse
+        names = ("world_from_local", "local_from_world", "_inverse_error")
+        before = {name: getattr(self, name)[rows].copy() for name in names}
+        for name, values in zip(names, (matrices, inverse, INVERSE_ERROR), strict=True):
+            getattr(self, name)[rows] = values
         try:
             self._place(rows)
         except ValueError:
-            self.world_from_local[rows], self.local_from_world[rows] = before
+            for name, values in before.items():
+                getattr(self, name)[rows] = values
             raise
         self._relist(rows)
 
@@ -109,13 +119,24 @@ class Placements:
             instances.reach = self._reach
         return instances
 
+    def _invert(self, rows: np.ndarray) -> None:
+        """Inverts products of steps anew: composed inverses are those of the steps, not of the product as rounded.
+
+        Where the product is too near to a singular matrix, the composed inverse is the better one, but by how much it
+        differs is not known.
+        """
+        inverse, condition = inverses(self.world_from_local[rows, :3, :3])
+        is_sure = (condition < MOST_CONDITION) & np.isfinite(inverse).all(axis=(1, 2))
+        self.local_from_world[rows[is_sure]] = inverse[is_sure]
+        self._inverse_error[rows[~is_sure]] = np.inf
+
     def _place(self, rows: slice) -> None:
         """What follows from the matrices of some instances, here and on the device. Raises before any change."""
         shape = self.shape[rows]
         center = np.array([c.center for c in self._canonicals]).reshape(-1, 3)[shape]
         scale = np.array([c.scale for c in self._canonicals]).reshape(-1)[shape]
         given = self.world_from_local[rows, :3, :3]
-        origin = np.einsum("nij,nj->ni", given, center) + self.world_from_local[rows, :3, 3]
+        origin, origin_error = images(given, self.world_from_local[rows, :3, 3], center)
         linear = given * scale[:, None, None]
         inverse = self.local_from_world[rows] / scale[:, None, None]
         for values in (linear, inverse, origin):
@@ -125,6 +146,7 @@ class Placements:
         # How much larger a rounding of W (o - b) can be when it comes back through A: the condition, in essence.
         self._amplification[rows] = (np.abs(linear) @ np.abs(inverse)).sum(axis=2).max(axis=1, initial=1)
         new = {"world_from_local": linear, "local_from_world": inverse, "origin": origin}
+        new |= {"inverse_error": self._inverse_error[rows], "origin_error": origin_error}
         for name, values in new.items():
             array = self._arrays[name]
             wp.copy(array, wp.array(values, dtype=array.dtype, device=self.device), dest_offset=rows.start)
@@ -149,6 +171,18 @@ class Placements:
         if not is_bounded.any():
             return None
         return self.lower[is_bounded].min(axis=0), self.upper[is_bounded].max(axis=0)
+
+    def points_within(self, rng: np.random.Generator, count: int) -> np.ndarray:
+        """(count, 3) points within bounded instances, each as likely as the next; none if there are no such."""
+        bounded = np.flatnonzero(np.isfinite(self.lower[:, 0]))
+        if len(bounded) == 0:
+            return np.empty((0, 3))
+        chosen = bounded[rng.integers(0, len(bounded), count)]
+        lower, upper = (
+            np.array([getattr(c, name) for c in self._canonicals])[self.shape[chosen]] for name in ("lower", "upper")
+        )
+        local = rng.uniform(lower, upper)
+        return np.einsum("nij,nj->ni", self.canonical_linear[chosen], local) + self.canonical_origin[chosen]
 
     def _list(self) -> None:
         """Chooses what the grid lists, and builds it."""

@@ -5,8 +5,11 @@ import math
 import numpy as np
 
 from . import checks
-from .inverse import inverses
+from .double_double import inverses
 from .typing import ArrayLike, Placement
+
+MOST_CONDITION = 2.0**50
+"""A matrix of a larger condition number, after scaling of rows and columns, counts as singular."""
 
 
 def affine(matrix: ArrayLike, name: str) -> np.ndarray:
@@ -38,7 +41,7 @@ def inverse_linear(linear: np.ndarray, name: str) -> np.ndarray:
     """
     inverse, condition = inverses(linear)
     with np.errstate(invalid="ignore"):
-        is_singular = ~(condition < 2.0**50) | ~np.isfinite(inverse).all(axis=(1, 2))
+        is_singular = ~(condition < MOST_CONDITION) | ~np.isfinite(inverse).all(axis=(1, 2))
     raise_first(is_singular, linear, name, "is singular", True)
     return inverse
 
