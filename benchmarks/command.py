@@ -18,7 +18,10 @@ INSTANCE_COUNTS = (100, 10_000, 100_000)
 
 
 def load(path: str) -> meshes.Triangles:
-    """The triangles of a file as float32 and int32, which all engines take."""
+    """The triangles of a file, or of a made-up mesh such as "blob:20000", as float32 and int32, which all engines take."""
+    name, colon, count = path.partition(":")
+    if colon and name in meshes.MAKERS and count.isdecimal():
+        return meshes.MAKERS[name](int(count))
     mesh = read_mesh(path)
     return np.asarray(mesh.vertices, np.float32), np.asarray(mesh.faces, np.int32)
 

@@ -80,7 +80,9 @@ def _parser() -> _Parser:
     topics = ["rates", "resolution", "scaling", "instances", "specialisation", "leaks"]
     bench.add_argument("topic", nargs="?", default="rates", choices=topics)
     bench.add_argument("--quick", action="store_true", help="fewer and smaller meshes: under a minute")
-    bench.add_argument("--mesh", nargs="+", default=[], metavar="FILE", help="measure these instead of made-up meshes")
+    bench.add_argument(
+        "--mesh", nargs="+", default=[], metavar="FILE", help="measure these, or blob:20000 and the like"
+    )
     bench.add_argument("--subdivide", type=int, default=0, metavar="N", help="also the first file, faces cut into 4^N")
     bench.add_argument("--field", metavar="FILE", help="also this mesh, small in the middle of a wide field")
     bench.add_argument("--size", type=int, metavar="N", help="at most N x N rays of a kind; default 512")

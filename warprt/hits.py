@@ -43,8 +43,8 @@ class Hits:
 
     Of hits at equal t, before t is rounded to its type, the lower instance id and then the lower primitive id wins.
 
-    Arrays are NumPy arrays, or Warp arrays where the rays were. Floats are float32 in `robust`, float64 in
-    `double`. A field that `outputs` did not name raises AttributeError.
+    Arrays are NumPy arrays, or Warp arrays where the rays were. Floats are float32 in `fast` and `robust`,
+    float64 in `mixed` and `double`. A field that `outputs` did not name raises AttributeError.
     """
 
     hit: Array
@@ -62,7 +62,10 @@ class Hits:
     primitive_id: Array
     """(...) int32, the face of a mesh; 0 on other shapes."""
     t_error: Array
-    """(...) NaN: bounds are not computed yet."""
+    """(...) bound on |t - t*|, t* being where the ray as given meets the surface as given; see docs/numerics.md.
+
+    Infinite where there is none (a sliver, a ray in the plane of what it meets); NaN in `fast`.
+    """
 
     def __init__(self, fields: dict[str, Array], rays: "Rays", tracer: "Tracer"):
         self.__dict__.update(fields)

@@ -1,0 +1,158 @@
+"""Tables of the documentation, made from the files in benchmarks/results.
+
+`python -m warprt.benchmarks.page` in a checkout rewrites what lies between `<!-- table: KIND FILE ... -->` and
+`<!-- end -->` in README.md and docs/.
+"""
+
+import json
+import re
+from collections.abc import Iterable
+from pathlib import Path
+
+from warprt.files import write_whole
+
+ROOT = Path(__file__).parents[1]
+PAGES = ("README.md", "docs/benchmarks.md", "docs/numerics.md")
+TABLE = re.compile(r"(<!-- table: (\w+) (.*?) -->\n).*?(<!-- end -->)", re.DOTALL)
+
+
+def results(name: str) -> dict:
+    """What a file of benchmarks/results holds."""
+    return json.loads((ROOT / "benchmarks" / "results" / f"{name}.json").read_text(encoding="utf-8"))["results"]
+
+
+def rows(head: Iterable[str], body: Iterable[Iterable]) -> str:
+    """A table in Markdown."""
+    lines = [list(head), ["---"] * len(list(head)), *body]
+    return "".join("| " + " | ".join(str(cell) for cell in line) + " |\n" for line in lines)
+
+
+def rates(*names: str) -> str:
+    """Rates of every kind of rays on each mesh, and ratios to each peer."""
+    body, peers = [], []
+    for mesh, entry in _all(names).items():
+        for k, (kind, rays) in enumerate(entry["rays"].items()):
+            peers = peers or [peer for peer in rays["ratio"] if not peer.startswith("warprt")]
+            title = f"{mesh} ({entry['triangles']:,})" if k == 0 else ""
+            same = min(rays["agreement"][peer]["same"] for peer in peers)
+            rate = rays["mrays_per_s"]["warprt robust"]
+            body.append(
+                [title, kind, f"{rate:.3g}", *(f"{rays['ratio'][peer]:.2f}" for peer in peers), f"{100 * same:.3f} %"]
+            )
+    return rows(["mesh (triangles)", "rays", "Mrays/s", *(f"/ {peer}" for peer in peers), "same faces"], body)
+
+
+def brief(name: str) -> str:
+    """Rates of three kinds of rays in `robust`, with ratios to wp.Mesh and to Embree in brackets."""
+    body = []
+    for mesh, entry in results(name).items():
+        cells = [f"{mesh} ({entry['triangles']:,})"]
+        for kind in ("primary", "random", "ambient"):
+            rays = entry["rays"][kind]
+            ratio = rays["ratio"]
+            cells.append(
+                f"{rays['mrays_per_s']['warprt robust']:.3g} ({ratio['wp.Mesh']:.1f}x, {ratio['Embree (Open3D)']:.2f}x)"
+            )
+        body.append(cells)
+    return rows(["mesh (triangles)", "primary, closest hit", "random, closest hit", "ambient occlusion, any hit"], body)
+
+
+def tiers(name: str) -> str:
+    """Time of each tier over that of `fast`, on each mesh."""
+    names = ("robust", "mixed", "double")
+    body = []
+    for mesh, entry in results(name).items():
+        for k, kind in enumerate(("primary", "random")):
+            ratio = {"warprt robust": 1.0} | entry["rays"][kind]["ratio"]
+            costs = [ratio[f"warprt {tier}"] / ratio["warprt fast"] for tier in names]
+            body.append([mesh if k == 0 else "", kind, *(f"{cost:.2f}" for cost in costs)])
+    return rows(["mesh", "rays", *(f"{tier} / fast" for tier in names)], body)
+
+
+def builds(*names: str) -> str:
+    """Milliseconds until a mesh is ready, and what it takes on the device."""
+    body = []
+    for mesh, entry in _all(names).items():
+        ms = [f"{entry['build_ms'][e]:.3g}" for e in ("warprt robust", "wp.Mesh", "Embree (Open3D)")]
+        size = entry["bytes_per_triangle"]["warprt robust"]
+        body.append([f"{mesh} ({entry['triangles']:,})", *ms, f"{size:.0f}"])
+    return rows(["mesh (triangles)", "warprt ms", "wp.Mesh (SAH) ms", "Embree (Open3D) ms", "bytes per triangle"], body)
+
+
+def gains(*names: str) -> str:
+    """How much faster two threads are than one, of this project over Embree: two files of the same meshes."""
+    one, two = (results(name) for name in names)
+    body = []
+    for mesh, entry in two.items():
+        for k, (kind, rays) in enumerate(entry["rays"].items()):
+            before = one[mesh]["rays"][kind]["mrays_per_s"]
+            gain = [rays["mrays_per_s"][e] / before[e] for e in ("warprt robust", "Embree (Open3D)")]
+            body.append([mesh if k == 0 else "", kind, *(f"{g:.2f}" for g in gain), f"{gain[0] / gain[1]:.2f}"])
+    return rows(["mesh", "rays", "warprt", "Embree (Open3D)", "ours / theirs"], body)
+
+
+def resolution(*names: str) -> str:
+    """How much longer "auto" takes than the best grid of a sweep."""
+    body = []
+    for mesh, entry in _all(names).items():
+        for k, (kind, found) in enumerate(entry["rays"].items()):
+            grids = [" x ".join(map(str, found[key])) for key in ("auto", "best")]
+            title = f"{mesh} ({entry['triangles']:,})" if k == 0 else ""
+            body.append([title, kind, *grids, f"{100 * found['auto_penalty']:.0f} %"])
+    return rows(["mesh (triangles)", "rays", "auto", "best of the sweep", "auto takes longer by"], body)
+
+
+def instances(name: str) -> str:
+    """Rates on scenes of many placements."""
+    body = []
+    for title, entry in results(name).items():
+        speed = [f"{rate:.2f}" for rate in entry["mrays_per_s"].values()]
+        body.append([title, *speed, f"{entry['ready_s']:.2f} s", f"{entry['bytes_each']:.0f}"])
+    return rows(["", "Mrays/s", "with a ground box", "ready after", "bytes each"], body)
+
+
+def leaks(name: str) -> str:
+    """Leaks of each engine, for each way of aiming."""
+    found = results(name)
+    body = []
+    for engine in next(iter(found.values())):
+        cells = [f"{found[aim][engine]['leaks']:,} of {found[aim][engine]['rays']:,}" for aim in found]
+        body.append([engine, *cells])
+    return rows(["", *(f"{aim} rays" for aim in found)], body)
+
+
+def errors(name: str) -> str:
+    """What each tier costs and gets wrong on a scene."""
+    body = []
+    for tier, m in results(name)["tiers"].items():
+        bound = "" if m["bound"] != m["bound"] else f"{m['bound']:.1e}"
+        share = m["false_hits"] + m["false_misses"] + m["other_primitives"]
+        relative = [f"{m['t_relative'][q]:.1e}" for q in ("p50", "p99", "max")]
+        body.append([tier, f"{m['ns_per_ray']:.0f}", f"{share:.1e}", *relative, bound, f"{m['self_hits']:.1g}"])
+    return rows(
+        ["", "ns per ray", "wrong answers", "error of t, p50", "p99", "max", "p99 of the bound", "self-hits"], body
+    )
+
+
+def _all(names: Iterable[str]) -> dict:
+    merged: dict = {}
+    for name in names:
+        merged |= results(name)
+    return merged
+
+
+KINDS = {
+    function.__name__: function
+    for function in (rates, brief, tiers, builds, gains, resolution, instances, leaks, errors)
+}
+
+
+def filled(text: str) -> str:
+    """A page with its tables made anew."""
+    return TABLE.sub(lambda m: m[1] + KINDS[m[2]](*m[3].split()) + m[4], text)
+
+
+if __name__ == "__main__":
+    for page in PAGES:
+        text = filled((ROOT / page).read_text(encoding="utf-8")).encode()
+        write_whole(ROOT / page, lambda file, text=text: file.write(text))
