@@ -18,7 +18,7 @@ INSTANCE_COUNTS = (100, 10_000, 100_000)
 
 
 def load(path: str) -> meshes.Triangles:
-    """The triangles of a file, or of a made-up mesh such as "blob:20000", as float32 and int32, which all engines take."""
+    """The triangles of a file, or of a made-up mesh such as "blob:20000", as the float32 and int32 of all engines."""
     name, colon, count = path.partition(":")
     if colon and name in meshes.MAKERS and count.isdecimal():
         return meshes.MAKERS[name](int(count))

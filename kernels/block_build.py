@@ -168,7 +168,13 @@ def make_fill_blocks(real):
             a = vertex(vertices, faces, center, scale, face, 0)
             b = vertex(vertices, faces, center, scale, face, 1)
             c = vertex(vertices, faces, center, scale, face, 2)
-            if has_no_area(a, b, c):
+            # Of the vertices as they were given: in the canonical space they may have left a common line by a rounding.
+            nowhere = wp.vec3d()
+            if has_no_area(
+                vertex(vertices, faces, nowhere, scale, face, 0),
+                vertex(vertices, faces, nowhere, scale, face, 1),
+                vertex(vertices, faces, nowhere, scale, face, 2),
+            ):
                 b = a
                 c = a
         set_face(corner, slot, face)

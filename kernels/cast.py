@@ -53,7 +53,8 @@ def make_store_surface(spec: Spec):
             t_error = real(wp.nan)
             if wp.static(has_error):
                 if hits.t_error.shape[0] > 0:
-                    t_error = real_above(bound(scene, o, d, wide(real(hit.t)), hit, s), t_error)
+                    rounding = wp.abs(wide(real(hit.t)) - hit.t)
+                    t_error = real_above(bound(scene, o, d, hit, s) + rounding, t_error)
         if hits.position.shape[0] > 0:
             hits.position[k] = position
         if hits.normal.shape[0] > 0:

@@ -137,7 +137,7 @@ def make_face_error(spec: Spec):
 
 @cache
 def make_t_error(spec: Spec):
-    """Bound of |t - t*| for a hit that is reported at t, with its surface. The ray is the one that was cast."""
+    """Bound of |t - t*| for a hit, before t is rounded, with its surface. The ray is the one that was cast."""
     wide = spec.tier.wide
     Scene, Hit, Surface = scene_struct(spec), hit_struct(wide), surface_struct(wide)
     vec_at, mat_at, float_at = make_at(vec3(wide)), make_at(mat33(wide)), make_at(wp.float32)
@@ -149,7 +149,7 @@ def make_t_error(spec: Spec):
     face_error = make_face_error(spec) if has_mesh else None
 
     @wp.func
-    def t_error(scene: Scene, o: wp.vec3d, d: wp.vec3d, t: WIDE, hit: Hit, s: Surface) -> WIDE:
+    def t_error(scene: Scene, o: wp.vec3d, d: wp.vec3d, hit: Hit, s: Surface) -> WIDE:
         i = hit.instance
         shape = scene.shape[int_at(scene.instances.shape, i)]
         c = crossing_at(
@@ -159,7 +159,7 @@ def make_t_error(spec: Spec):
             wp.vec3d(vec3f_at(scene.instances.origin_error, i)),
             o,
             d,
-            t,
+            hit.t,
         )
         error = WIDE(wp.inf)
         if wp.static(has_sphere):

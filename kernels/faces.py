@@ -122,15 +122,53 @@ def make_hit_slot(spec: Spec):
 
 
 @cache
+def make_is_at(spec: Spec):
+    """Whether a local ray begins in the plane of a slot's triangle: in the floats at hand, exactly."""
+    result = spec.tier.result
+    Mesh, FaceRay, at = mesh_struct(spec.tier, spec.mesh_grid), face_ray_struct(spec.tier), make_at(result)
+
+    @wp.func
+    def is_in_plane(corner: wp.array(dtype=result), slot: int, ray: FaceRay, shear: Struct):
+        row = slot_row(slot)
+        kx, ky, kz = row + 8 * ray.kx, row + 8 * ray.ky, row + 8 * ray.kz
+        p = wp.vec3d(wp.float64(at(corner, kx)), wp.float64(at(corner, ky)), wp.float64(at(corner, kz)))
+        q = wp.vec3d(wp.float64(at(corner, kx + 24)), wp.float64(at(corner, ky + 24)), wp.float64(at(corner, kz + 24)))
+        r = wp.vec3d(wp.float64(at(corner, kx + 48)), wp.float64(at(corner, ky + 48)), wp.float64(at(corner, kz + 48)))
+        o = wp.vec3d(wp.float64(shear.ox), wp.float64(shear.oy), wp.float64(shear.oz))
+        return wp.dot(wp.cross(q - p, r - p), p - o) == wp.float64(0.0)
+
+    if spec.tier.has_fine:
+
+        @wp.func
+        def is_at_fine(mesh: Mesh, ray: FaceRay, slot: int):
+            return is_in_plane(mesh.fine, slot, ray, ray.fine)
+
+        return is_at_fine
+
+    @wp.func
+    def is_at(mesh: Mesh, ray: FaceRay, slot: int):
+        return is_in_plane(mesh.corner, slot, ray, ray)
+
+    return is_at
+
+
+@cache
 def make_try_slot(spec: Spec, any_hit: bool):
     """The better of a hit and the triangle of a slot. With any_hit, the first one counts, marked by t = -inf."""
     tier, real, wide = spec.tier, spec.tier.real, spec.tier.wide
     Mesh, FaceRay, FaceHit = mesh_struct(tier, spec.mesh_grid), face_ray_struct(tier), face_hit_struct(tier)
     hit_slot, in_range, face_at = make_hit_slot(spec), make_in_range(tier), make_face_at(real)
+    is_exact, is_at = tier is not Tier.FAST, make_is_at(spec)
+    behind = -64.0 * 2.0 ** (-24 if tier.result is wp.float32 else -53)
 
     @wp.func
     def try_slot(mesh: Mesh, ray: FaceRay, slot: int, best: FaceHit) -> FaceHit:
         is_hit, t, _u, _v = hit_slot(mesh, ray, slot)
+        if wp.static(is_exact):
+            if is_hit and ray.start == wide(0.0) and t < wide(0.0) and t > wide(wp.static(behind)):
+                # Rounded slopes may put what the ray begins on a little behind it.
+                if is_at(mesh, ray, slot):
+                    t = wide(0.0)
         t_world = ray.scale * (ray.start + t)
         if is_hit and t <= wide(best.t) and in_range(t_world, ray.t_min, ray.t_max):
             is_better = best.slot < 0 or t_world < best.t_world

@@ -5,29 +5,29 @@ from functools import cache
 import warp as wp
 
 from .box import enter_box
+from .generic import Real
 from .memory import int_at, make_at
-from .rounding import from_t_min, larger, largest, power_of_two_below, safe_reciprocal, shortened, unit_roundoff
+from .rounding import (
+    from_t_min,
+    larger,
+    largest,
+    power_of_two_below,
+    safe_reciprocal,
+    unit_roundoff,
+)
 from .spec import ShapeKind, Spec
 from .structs import local_ray_struct, mat33, scene_struct, vec3
 from .transform import location_to_local, offset
 
 
 @wp.func
-def advance(t: wp.float64):
-    """A parameter a little before t, of few digits: with round input o + t d and t itself then stay exact."""
-    if wp.abs(t) > wp.float64(1.0e7):
-        # So far from the shape, the digits that shortening drops would be those that count. The origin and the sum
-        # o + t d are a few roundings off by then, so the ray stops as much before the bounds.
-        return t - wp.float64(32.0) * unit_roundoff(t) * wp.abs(t)
-    if t < wp.float64(0.0):
-        return shortened(t * wp.float64(1.0000001))
-    return shortened(t)
-
-
-@wp.func
-def advance(t: wp.float32):
-    """A parameter a little before t."""
-    return t - wp.float32(4.0) * unit_roundoff(t) * wp.abs(t)
+def advance(t: Real):
+    """A parameter a little before t, a multiple of 2^-10: with round input o + t d and t itself then stay exact."""
+    if wp.abs(t) > type(t)(1.0e7):
+        # So far from the shape, the digits that this drops would be those that count. The origin and the sum o + t d
+        # are a few roundings off by then, so the ray stops as much before the bounds.
+        return t - type(t)(32.0) * unit_roundoff(t) * wp.abs(t)
+    return wp.floor(t * type(t)(1024.0)) * type(t)(0.0009765625)
 
 
 @cache
@@ -56,7 +56,8 @@ def make_enter(spec: Spec):
         near, far = enter_box(ray.o, safe_reciprocal(ray.d, wide(1.0)), shape.lower - pad, shape.upper + pad)
         first = from_t_min(t_min) * ray.inv_scale
         ray.is_hit = near <= far and first <= far
-        ray.start = advance(larger(near, first))
+        # Not from t_min on, or t would depend on it; but from the origin on, unless what lies behind it counts.
+        ray.start = advance(wp.where(t_min < wide(0.0), near, larger(near, wide(0.0))))
         ray.is_hit = ray.is_hit and ray.scale * ray.start <= t_max
         ray.o = ray.o + ray.start * ray.d
         return ray

@@ -145,6 +145,7 @@ ENTER = """
     typedef bool B8 __attribute__((ext_vector_type(8)));
     const auto bits = [](D x) { return __builtin_bit_cast(L, x); };
     const auto number = [](L x) { return __builtin_bit_cast(D, x); };
+    const auto floored = [](D x) { return __builtin_elementwise_floor(x); };
     const auto wide = [](R x) { return __builtin_convertvector(x, D); };
     const auto narrow = [](D x) { return __builtin_convertvector(x, R); };
     const auto whole = [](R x) { return __builtin_convertvector(x, I); };
@@ -158,6 +159,7 @@ ENTER = """
     typedef int I;
     const auto bits = [](D x) { return WIDE_AS_LONG(x); };
     const auto number = [](L x) { return LONG_AS_WIDE(x); };
+    const auto floored = [](D x) { return floor(x); };
     const auto wide = [](R x) { return (D)x; };
     const auto narrow = [](D x) { return (R)x; };
     const auto whole = [](R x) { return (I)x; };
@@ -184,7 +186,7 @@ ENTER = """
     const D inv_scale = (WIDE)1.0 / scale;
     for (int axis = 0; axis < 3; ++axis) {
         d[axis] = scale * d[axis];
-        const D tiny = zero + (WIDE)1e-30, size = d[axis] < zero ? -d[axis] : d[axis];
+        const D tiny = zero + (WIDE)LEAST_SLOPE, size = d[axis] < zero ? -d[axis] : d[axis];
         const D inv = (WIDE)1.0 / (size < tiny ? (d[axis] < zero ? -tiny : tiny) : d[axis]);
         const D first = ((lower[axis] - pad) - o[axis]) * inv, second = ((upper[axis] + pad) - o[axis]) * inv;
         near[axis] = second < first ? second : first;
@@ -196,9 +198,10 @@ ENTER = """
     const D best = *(const D*)&packet.t[0];
     const D t_min = *(const D*)&packet.t_min[0];
     const D first = (t_min - (WIDE)1.1920928955078125e-07 * (t_min < zero ? -t_min : t_min)) * inv_scale;
-    D start = first > enters ? first : enters;
+    D start = (t_min < zero) | (enters > zero) ? enters : zero;
     const D far_off = start < zero ? -start : start;
-    ADVANCE
+    start = far_off > (WIDE)1.0e7 ? start - (WIDE)FAR_ROUNDINGS * far_off
+                                  : floored(start * (WIDE)1024.0) * (WIDE)0.0009765625;
     auto is_met = (enters <= leaves) & (first <= leaves) & (scale * start <= best);
 #if !defined(__CUDA_ARCH__)
     const int met = __builtin_bit_cast(unsigned char, __builtin_convertvector(is_met, B8));
@@ -218,7 +221,7 @@ ENTER = """
     for (int axis = 0; axis < 3; ++axis) {
         ro[axis] = narrow(o[axis] + start * d[axis]);
         rd[axis] = narrow(d[axis]);
-        const R tiny = none + (REAL)1e-30;
+        const R tiny = none + (REAL)LEAST_REAL_SLOPE;
         magnitude[axis] = rd[axis] < none ? -rd[axis] : rd[axis];
         inv[axis] = (REAL)1.0 / (magnitude[axis] < tiny ? (rd[axis] < none ? -tiny : tiny) : rd[axis]);
         *(R*)&packet.ray[8 * axis] = ro[axis];
@@ -270,11 +273,6 @@ TAKE = """
     walk.block = -2, walk.left = 0, walk.depth = 0;
 """
 
-SHORTENED = """
-    const D shifted = start < zero ? start * 1.0000001 : start;
-    start = far_off > 1.0e7 ? start - 3.5527136788005009e-15 * far_off : number(bits(shifted) & -67108864);
-"""
-
 KEEP_FINE = """
     for (int axis = 0; axis < 3; ++axis) {
         *(D*)&packet.fine[8 * axis] = o[axis] + start * d[axis];
@@ -296,9 +294,11 @@ def packet_code(code: str, tier: Tier, real: type | None = None) -> str:
     """The code for a tier; REAL is the arithmetic of its walks unless another is named."""
     is_double, is_real_double = tier.wide is wp.float64, tier.real is wp.float64
     tokens = {
-        "ADVANCE": SHORTENED if is_double else "start = start - (WIDE)SUM_ROUNDINGS * far_off;",
         "KEEP": KEEP_FINE if tier.has_fine else "",
         "TAKE_SHEAR": TAKE_FINE if tier.has_fine else "ray.dz = packet.ray[24 + 8 * ray.kz + lane];",
+        "LEAST_SLOPE": "0x1p-500" if is_double else "0x1p-100",
+        "LEAST_REAL_SLOPE": "0x1p-500" if is_real_double else "0x1p-100",
+        "FAR_ROUNDINGS": "3.5527136788005009e-15" if is_double else "1.9073486328125e-06",
         "SUM_ROUNDINGS": "4.440892098500626e-16" if is_double else "2.384185791015625e-07",
         "ROUNDINGS": "2.220446049250313e-16" if is_real_double else "1.1920928955078125e-07",
         "WIDE_AS_LONG": "__double_as_longlong" if is_double else "__float_as_int",

@@ -39,12 +39,6 @@ def power_of_two_below(x: wp.float64):
     return wp.cast((wp.int64(2046) - exponent) << wp.int64(52), wp.float64)
 
 
-@wp.func
-def shortened(x: wp.float64):
-    """X rounded towards 0 to 27 significant bits, so that its product with a float32 is exact."""
-    return wp.cast(wp.cast(x, wp.int64) & wp.int64(-67108864), wp.float64)
-
-
 @wp.func_native("return fma(a, b, c);")
 def fused(a: wp.float64, b: wp.float64, c: wp.float64) -> wp.float64: ...
 
@@ -133,12 +127,25 @@ def kept_off_zero(x: Real, tiny: Real):
 
 
 @wp.func
+def least_slope(x: wp.float32):
+    """2^-100: what a component of 0 is taken for, relative to the largest."""
+    return wp.float32(7.888609052210118e-31)
+
+
+@wp.func
+def least_slope(x: wp.float64):
+    """2^-500, so that rays from 1e100 away still meet what they run straight to."""
+    p = wp.float64(7.888609052210118e-31)
+    return p * p * p * p * p
+
+
+@wp.func
 def safe_reciprocal(d: Vec3, size: Real):
-    """1 / d by component; components below 1e-30 of `size`, the largest one, count as that small, with their sign.
+    """1 / d by component; components below `least_slope` of `size`, the largest one, count as that, with their sign.
 
     For walls that are padded: a ray then never gives 0 * inf, and a parallel ray meets its walls very far away.
     """
-    tiny = size * type(size)(1.0e-30)
+    tiny = size * least_slope(size)
     one = type(size)(1.0)
     return type(d)(one / kept_off_zero(d[0], tiny), one / kept_off_zero(d[1], tiny), one / kept_off_zero(d[2], tiny))
 

@@ -222,8 +222,8 @@ def trail_struct():
 
 @cache
 def trail_end_struct(real):
-    """How far a walk is to go in t, how many cells are written, and which of those looked at come next."""
-    return make_struct("TrailEnd", {"t": real, "count": wp.int32, "next": wp.int32, "last": wp.int32})
+    """Where a walk enters the grid and is to end, how many cells are written, and which looked at come next."""
+    return make_struct("TrailEnd", {"t_enter": real, "t": real, "count": wp.int32, "next": wp.int32, "last": wp.int32})
 
 
 @cache

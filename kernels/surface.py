@@ -10,7 +10,7 @@ from .faces import make_face_ray, make_hit_slot
 from .generic import Mat33, Vec3, Wide
 from .instance import make_enter
 from .memory import make_at
-from .rounding import unit_roundoff
+from .rounding import larger, unit_roundoff
 from .spec import ShapeKind, Spec
 from .sphere import normal_sphere
 from .structs import hit_struct, mat33, mesh_struct, scene_struct, surface_struct, vec3
@@ -27,15 +27,16 @@ def magnitude(m: Mat33, v: Vec3):
 def offset_bound(w: Mat33, a: Mat33, b: Vec3, p_local: Vec3, n_local: Vec3, n_world: Vec3, error: Wide):
     """How far along n_world a ray must start so that no rounding takes it back through the surface.
 
-    `error` bounds what the shape's own test can be off by, in canonical space. To it come the roundings of
-    A p + b, of the secondary ray's W (o - b), and of its direction, each times the terms that are added up there.
+    `error` bounds what the shape's own test can be off by, in canonical space. To it come the roundings of the origin,
+    A p + b and the step off the surface, and those of its way back, W (o - b), each times the terms that are added up:
+    three for a product of matrix and vector, one for a sum, and four for each element of W.
     """
     u = unit_roundoff(error)
-    terms = magnitude(a, p_local)
-    world = type(error)(8.0) * u * wp.dot(wp.abs(n_world), terms + wp.abs(b))
-    local = error + type(error)(8.0) * u * wp.dot(wp.abs(n_local), magnitude(w, terms))
+    from_b = a * p_local
+    at = type(error)(3.0) * (magnitude(a, p_local) + wp.abs(from_b + b))
+    local = error + type(error)(8.0) * u * wp.dot(wp.abs(n_local), magnitude(w, from_b))
     # Along n_world, a step of 1 leaves the local surface by |W^T n_local|.
-    return world + local / wp.length(wp.transpose(w) * n_local)
+    return u * wp.dot(wp.abs(n_world), at) + local / wp.length(wp.transpose(w) * n_local)
 
 
 @cache
@@ -85,8 +86,8 @@ def make_surface(spec: Spec):
         p = local.o + (hit.t * local.inv_scale - local.start) * local.d
         n = vec()
         s = Surface()
-        # Canonical coordinates are at most 1; the tests add up a dozen roundings of such terms.
-        error = wide(32.0) * unit_roundoff(hit.t)
+        # Canonical coordinates are at most 1; shapes with an equation add up fewer roundings of such terms.
+        error = wide(8.0) * unit_roundoff(hit.t)
         if wp.static(has_sphere):
             if shape.kind == wp.static(int(ShapeKind.SPHERE)):
                 p = p * (shape.upper[0] / wp.length(p))
@@ -117,8 +118,9 @@ def make_surface(spec: Spec):
                 p0, e1, e2 = edges(mesh, hit.primitive)
                 p = p0 + s.u * e1 + s.v * e2
                 n = unit(wp.cross(e1, e2))
-                # Of the tier's arithmetic: o, d and the sheared corners carry about 25 roundings of terms up to 2.
-                error = wide(result(32.0) * unit_roundoff(result(1.0)))
+                # Of the tier's arithmetic: o, d and the sheared corners carry about 25 roundings of the largest corner.
+                size = larger(wp.max(wp.abs(shape.lower)), wp.max(wp.abs(shape.upper)))
+                error = wide(32.0) * wide(unit_roundoff(result(1.0))) * size
         w, a = mat_at(scene.instances.local_from_world, i), mat_at(scene.instances.world_from_local, i)
         b = vec_at(scene.instances.origin, i)
         s.position = location_to_world(a, b, p)

@@ -4,10 +4,11 @@ from functools import cache
 
 import warp as wp
 
+from .box import enter_box
 from .faces import make_face_ray
 from .grid import make_walk
 from .instance import make_enter
-from .rounding import real_above
+from .rounding import larger, real_above
 from .spec import ShapeKind, Spec
 from .structs import WIDE, face_ray_struct, grid_struct, scene_struct, trail_end_struct, trail_struct, vec3
 from .tree_walk import make_recorded_slot, make_start_walk
@@ -17,7 +18,7 @@ from .tree_walk import make_recorded_slot, make_start_walk
 def make_walk_cells(spec: Spec):
     """For each instance on its own: the cells from where the ray enters its bounds up to t_max."""
     tier, real, wide = spec.tier, spec.tier.real, spec.tier.wide
-    vec = vec3(wide)
+    vec, vec_real = vec3(wide), vec3(real)
     Scene, Trail, End = scene_struct(spec), trail_struct(), trail_end_struct(real)
     Grid, FaceRay = grid_struct(real), face_ray_struct(tier)
     enter, face_ray, start_walk = make_enter(spec), make_face_ray(tier), make_start_walk(real)
@@ -29,8 +30,8 @@ def make_walk_cells(spec: Spec):
     ) -> End:
         if trail.cell.shape[0] > 0:
             trail.cell[end.count] = at
-            trail.t_enter[end.count] = WIDE(ray.scale * (ray.start + wp.max(wide(t_in), wide(0.0))))
-            trail.t_exit[end.count] = WIDE(ray.scale * (ray.start + wp.max(wide(t_out), wide(0.0))))
+            trail.t_enter[end.count] = WIDE(ray.scale * (ray.start + wp.max(wide(t_in), wide(end.t_enter))))
+            trail.t_exit[end.count] = WIDE(ray.scale * (ray.start + wp.max(wide(t_out), wide(end.t_enter))))
             trail.visited[end.count] = False
             trail.candidates[end.count] = 0
             for k in range(end.next, end.last):
@@ -63,6 +64,9 @@ def make_walk_cells(spec: Spec):
             if local.is_hit:
                 end.t = real_above(wide(t_max) * local.inv_scale - local.start, end.t)
                 grid, ray = scene.mesh[shape.mesh].trees.grid, face_ray(local, wide(0.0), wide(t_max))
+                upper = grid.lo + wp.cw_mul(grid.cell, vec_real(grid.count))
+                near, _far = enter_box(ray.o, ray.inv_d, grid.lo, upper)
+                end.t_enter = larger(near, real(0.0))
                 if trail.cell.shape[0] > 0:
                     end.next = first_looked[i]
                     looking = start_walk(grid, ray)

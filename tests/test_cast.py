@@ -3,6 +3,7 @@
 import numpy as np
 import oracle
 import pytest
+import trimesh
 import warp as wp
 
 import warprt as rt
@@ -316,3 +317,23 @@ def test_unknown_choices_are_named():
             rt.Tracer(scene, **options)
     with pytest.raises(ValueError, match="Scene"):
         rt.Tracer([BALL])
+
+
+@pytest.mark.parametrize("shape", ["sphere", "mesh", "box"])
+def test_t_does_not_depend_on_t_min(shape, accuracy, device, rng):
+    ball = trimesh.creation.icosphere(subdivisions=2)
+    objects = {
+        "sphere": rt.Sphere(),
+        "mesh": rt.Mesh(ball.vertices, ball.faces),
+        "box": rt.Box((-0.6,) * 3, (0.7,) * 3),
+    }
+    tracer = tracer_of(objects[shape], accuracy=accuracy, device=device)
+    o = rng.normal(size=(5000, 3))
+    d = rng.uniform(-0.5, 0.5, (5000, 3)) - o
+    hits = tracer.cast(o, d)
+    assert hits.hit.mean() > 0.9
+    for t_min in (0.5 * hits.t[hits.hit], hits.t[hits.hit]):
+        again = tracer.cast(o[hits.hit], d[hits.hit], t_min=t_min)
+        np.testing.assert_array_equal(again.t, hits.t[hits.hit])
+    beyond = tracer.cast(o[hits.hit], d[hits.hit], t_min=np.nextafter(hits.t[hits.hit], np.inf, dtype=hits.t.dtype))
+    assert (beyond.t > hits.t[hits.hit]).all(), "the next wall, and not the same again"

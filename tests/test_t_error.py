@@ -159,3 +159,11 @@ def test_fast_has_no_bound(device):
     hits = rt.Tracer(rt.Scene([rt.Sphere()]), "fast", device).cast([(0, 0, 3), (0, 3, 3)], (0, 0, -1))
     assert np.isnan(hits.t_error[0])
     assert hits.t_error[1] == 0
+
+
+def test_bound_holds_on_ellipsoids_thinner_than_an_ulp_of_t(device):
+    shape, matrix = rt.Sphere(), np.diag([1, 1, 1e-7, 1.0])
+    o, d = np.array([(0.1, 0.2, 3.3)]), np.array([(0.01, 0.02, -1.0)])
+    hits = rt.Tracer(rt.Scene([rt.Instance(shape, matrix)]), "robust", device).cast(o, d)
+    assert hits.t_error[0] < 1e-6
+    assert is_within(shape, exact.Placement(matrix), matrix, o, d, hits, 0)

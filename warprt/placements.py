@@ -137,8 +137,10 @@ class Placements:
         scale = np.array([c.scale for c in self._canonicals]).reshape(-1)[shape]
         given = self.world_from_local[rows, :3, :3]
         origin, origin_error = images(given, self.world_from_local[rows, :3, 3], center)
-        linear = given * scale[:, None, None]
-        inverse = self.local_from_world[rows] / scale[:, None, None]
+        with np.errstate(over="ignore"):
+            # What leaves the range is refused below.
+            linear = given * scale[:, None, None]
+            inverse = self.local_from_world[rows] / scale[:, None, None]
         for values in (linear, inverse, origin):
             _require_range(values, rows.start)
         self.canonical_linear[rows], self.canonical_origin[rows] = linear, origin
