@@ -41,6 +41,7 @@ def draw(figure, about: dict, results: dict) -> None:
     figure.set_size_inches(11, 4.6)
     panels = figure.subplots(1, len(KINDS))
     for panel, kind in zip(panels, KINDS, strict=True):
+        panel.set_prop_cycle(color=[f"C{k % 10}" for k in range(20)], linestyle=["-"] * 10 + ["--"] * 10)
         for name, entry in results.items():
             found = entry["rays"][kind]
             rates = sorted((_cells(grid) / entry["triangles"], rate) for grid, rate in found["mrays_per_s"].items())
