@@ -41,15 +41,15 @@ def draw(figure, about: dict, results: dict) -> None:
     figure.set_size_inches(11, 4.6)
     panels = figure.subplots(1, len(KINDS))
     for panel, kind in zip(panels, KINDS, strict=True):
-        panel.set_prop_cycle(color=[f"C{k % 10}" for k in range(20)], linestyle=["-"] * 10 + ["--"] * 10)
-        for name, entry in results.items():
+        for k, (name, entry) in enumerate(results.items()):
             found = entry["rays"][kind]
             rates = sorted((_cells(grid) / entry["triangles"], rate) for grid, rate in found["mrays_per_s"].items())
             best = max(rate for _, rate in rates)
-            (line,) = panel.plot([x for x, _ in rates], [rate / best for _, rate in rates], label=name, linewidth=1)
+            style = {"color": f"C{k % 10}", "linestyle": "-" if k < 10 else "--", "linewidth": 1}
+            panel.plot([x for x, _ in rates], [rate / best for _, rate in rates], label=name, **style)
             auto = " x ".join(map(str, found["auto"]))
             x = _cells(auto) / entry["triangles"]
-            panel.plot(x, found["mrays_per_s"][auto] / best, "o", color=line.get_color(), markersize=5)
+            panel.plot(x, found["mrays_per_s"][auto] / best, "o", color=style["color"], markersize=5)
         panel.axhline(1 / 1.1, color="black", linewidth=0.6, linestyle=":")
         panel.set(xscale="log", ylim=(0, 1.05), xlabel="cells per triangle", title=f"{kind} rays")
         panel.spines[["top", "right"]].set_visible(False)
