@@ -33,7 +33,7 @@ def run(options) -> None:
         if path:
             require_writable(path)
     scene, threads = rt.load_scene(options.scene), options.threads or default_threads()
-    about = {**machine.about(options.device or "cpu"), "topic": "tradeoff", "scene": str(options.scene)}
+    about = {**machine.about(options.device or "cpu"), "topic": "tradeoff", "scene": Path(options.scene).name}
     about |= {"threads": threads, "rounds": options.rounds, "rays": options.rays}
     measured = measure(scene, options.accuracy.split(","), options.rays, options.rounds, options.device, threads)
     print(f"{options.scene}, {about['device']}, {threads} thread(s), {options.rays:,} rays")
