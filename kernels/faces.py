@@ -85,11 +85,26 @@ def make_reported_from(tier: Tier):
     return reported_from
 
 
+def _on_tested_corners(spec: Spec, function):
+    """function(corner, slot, ray, shear) as one of (mesh, ray, slot): of the corners with which a tier tests faces."""
+    Mesh, FaceRay = mesh_struct(spec.tier, spec.mesh_grid), face_ray_struct(spec.tier)
+
+    @wp.func
+    def on_corners(mesh: Mesh, ray: FaceRay, slot: int):
+        return function(mesh.corner, slot, ray, ray)
+
+    @wp.func
+    def on_fine_corners(mesh: Mesh, ray: FaceRay, slot: int):
+        return function(mesh.fine, slot, ray, ray.fine)
+
+    return on_fine_corners if spec.tier.has_fine else on_corners
+
+
 @cache
 def make_hit_slot(spec: Spec):
     """Ray against the triangle of one slot, as `hit_triangle`, with the shear taken from the ray."""
-    tier, result = spec.tier, spec.tier.result
-    Mesh, FaceRay, at = mesh_struct(tier, spec.mesh_grid), face_ray_struct(tier), make_at(result)
+    result = spec.tier.result
+    FaceRay, at = face_ray_struct(spec.tier), make_at(result)
 
     @wp.func
     def hit_corners(corner: wp.array(dtype=result), slot: int, ray: FaceRay, shear: Struct):
@@ -106,26 +121,14 @@ def make_hit_slot(spec: Spec):
         cy = (at(corner, ky + 48) - shear.oy) - shear.sy * cz
         return solve_sheared(ax, ay, az, bx, by, bz, cx, cy, cz, ray.dz)
 
-    if tier.has_fine:
-
-        @wp.func
-        def hit_fine_slot(mesh: Mesh, ray: FaceRay, slot: int):
-            return hit_corners(mesh.fine, slot, ray, ray.fine)
-
-        return hit_fine_slot
-
-    @wp.func
-    def hit_slot(mesh: Mesh, ray: FaceRay, slot: int):
-        return hit_corners(mesh.corner, slot, ray, ray)
-
-    return hit_slot
+    return _on_tested_corners(spec, hit_corners)
 
 
 @cache
 def make_is_at(spec: Spec):
     """Whether a local ray begins in the plane of a slot's triangle: in the floats at hand, exactly."""
     result = spec.tier.result
-    Mesh, FaceRay, at = mesh_struct(spec.tier, spec.mesh_grid), face_ray_struct(spec.tier), make_at(result)
+    FaceRay, at = face_ray_struct(spec.tier), make_at(result)
 
     @wp.func
     def is_in_plane(corner: wp.array(dtype=result), slot: int, ray: FaceRay, shear: Struct):
@@ -137,19 +140,7 @@ def make_is_at(spec: Spec):
         o = wp.vec3d(wp.float64(shear.ox), wp.float64(shear.oy), wp.float64(shear.oz))
         return wp.dot(wp.cross(q - p, r - p), p - o) == wp.float64(0.0)
 
-    if spec.tier.has_fine:
-
-        @wp.func
-        def is_at_fine(mesh: Mesh, ray: FaceRay, slot: int):
-            return is_in_plane(mesh.fine, slot, ray, ray.fine)
-
-        return is_at_fine
-
-    @wp.func
-    def is_at(mesh: Mesh, ray: FaceRay, slot: int):
-        return is_in_plane(mesh.corner, slot, ray, ray)
-
-    return is_at
+    return _on_tested_corners(spec, is_in_plane)
 
 
 @cache
