@@ -8,7 +8,7 @@ from .error import make_t_error
 from .memory import make_at, vec3d_at
 from .packet import make_store_packet, make_trace_packet, packet_struct
 from .rounding import real_above
-from .spec import Spec, Tier
+from .spec import Search, Spec, Tier
 from .structs import WIDE, hit_arrays_struct, hit_struct, rays_struct, scene_struct, vec3
 from .surface import leave, make_surface
 from .trace import make_primitive_id, make_trace
@@ -35,7 +35,7 @@ def make_load_ray(wide):
 
 @cache
 def make_store_surface(spec: Spec):
-    """Stores what only the surface at a hit tells: point, normal and weights, those that are asked for."""
+    """Stores what only the surface at a hit of ray k tells: point, normal, weights, bound, those that are asked for."""
     real, wide = spec.tier.result, spec.tier.wide
     vec, vec2 = vec3(real), wp.types.vector(2, real)
     Scene, Arrays, Hit = scene_struct(spec), hit_arrays_struct(real), hit_struct(wide)
@@ -44,7 +44,7 @@ def make_store_surface(spec: Spec):
     bound = make_t_error(spec) if has_error else None
 
     @wp.func
-    def store_surface(scene: Scene, rays: Rays, hits: Arrays, k: int, hit: Hit):
+    def store_surface(scene: Scene, rays: Rays, k: int, hit: Hit, hits: Arrays, at: int):
         position, normal, uv, t_error = vec(), vec(), vec2(), real(0.0)
         if hit.instance >= 0:
             o, d, t_min, _t_max = load_ray(rays, k)
@@ -56,13 +56,13 @@ def make_store_surface(spec: Spec):
                     rounding = wp.abs(wide(real(hit.t)) - hit.t)
                     t_error = real_above(bound(scene, o, d, hit, s) + rounding, t_error)
         if hits.position.shape[0] > 0:
-            hits.position[k] = position
+            hits.position[at] = position
         if hits.normal.shape[0] > 0:
-            hits.normal[k] = normal
+            hits.normal[at] = normal
         if hits.uv.shape[0] > 0:
-            hits.uv[k] = uv
+            hits.uv[at] = uv
         if hits.t_error.shape[0] > 0:
-            hits.t_error[k] = t_error
+            hits.t_error[at] = t_error
 
     return store_surface
 
@@ -72,7 +72,7 @@ def make_cast(spec: Spec, full: bool):
     """Closest hits of one ray a thread. Only with `full` does code for points, normals and weights exist."""
     real, load_ray = spec.tier.result, make_load_ray(spec.tier.wide)
     Scene, Arrays = scene_struct(spec), hit_arrays_struct(real)
-    trace, primitive_id = make_trace(spec, False), make_primitive_id(spec)
+    trace, primitive_id = make_trace(spec, Search.CLOSEST), make_primitive_id(spec)
     store_surface = make_store_surface(spec) if full else None
 
     @wp.kernel(module="unique", enable_backward=False, module_options=spec.tier.options)
@@ -90,7 +90,7 @@ def make_cast(spec: Spec, full: bool):
         if hits.primitive_id.shape[0] > 0:
             hits.primitive_id[k] = primitive_id(scene, hit)
         if wp.static(full):
-            store_surface(scene, rays, hits, k, hit)
+            store_surface(scene, rays, k, hit, hits, k)
 
     return cast
 
@@ -99,7 +99,7 @@ def make_cast(spec: Spec, full: bool):
 def make_cast_packets(spec: Spec):
     """Closest hits of `width` rays a thread, t and ids alone: what `make_cast` stores, sooner."""
     Scene, Arrays, Packet = scene_struct(spec), hit_arrays_struct(spec.tier.result), packet_struct(spec.tier)
-    trace_packet, store_packet = make_trace_packet(spec, False), make_store_packet(spec.tier)
+    trace_packet, store_packet = make_trace_packet(spec, Search.CLOSEST), make_store_packet(spec.tier)
 
     @wp.kernel(module="unique", enable_backward=False, module_options=spec.tier.options)
     def cast_packets(scene: Scene, rays: Rays, hits: Arrays, width: int, end: int, first: int):
@@ -116,7 +116,7 @@ def make_cast_packets(spec: Spec):
 def make_occluded(spec: Spec):
     """Whether anything is met at all: the same body as the closest hit, ended by the first one found."""
     Scene = scene_struct(spec)
-    trace, load_ray = make_trace(spec, True), make_load_ray(spec.tier.wide)
+    trace, load_ray = make_trace(spec, Search.ANY), make_load_ray(spec.tier.wide)
 
     @wp.kernel(module="unique", enable_backward=False, module_options=spec.tier.options)
     def occluded(scene: Scene, rays: Rays, is_occluded: wp.array(dtype=wp.bool), first: int):
@@ -130,7 +130,7 @@ def make_occluded(spec: Spec):
 @cache
 def make_occluded_packets(spec: Spec):
     """What `make_occluded` stores, for `width` rays a thread."""
-    Scene, Packet, trace_packet = scene_struct(spec), packet_struct(spec.tier), make_trace_packet(spec, True)
+    Scene, Packet, trace_packet = scene_struct(spec), packet_struct(spec.tier), make_trace_packet(spec, Search.ANY)
 
     @wp.kernel(module="unique", enable_backward=False, module_options=spec.tier.options)
     def occluded_packets(
@@ -152,7 +152,7 @@ def make_occluded_packets(spec: Spec):
 def make_spawn(spec: Spec):
     """Origins of rays that leave the hits of other rays; a miss has none and gives NaN."""
     Scene, load_ray, vec = scene_struct(spec), make_load_ray(spec.tier.wide), vec3(spec.tier.wide)
-    trace, surface = make_trace(spec, False), make_surface(spec)
+    trace, surface = make_trace(spec, Search.CLOSEST), make_surface(spec)
 
     @wp.kernel(module="unique", enable_backward=False, module_options=spec.tier.options)
     def spawn(

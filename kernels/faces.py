@@ -8,10 +8,19 @@ from .blocks import lowest_lane, make_candidates, make_face_at, slot_row
 from .generic import Struct
 from .memory import make_at
 from .rounding import from_t_min, real_above, rounding_of_sum, safe_reciprocal, unit_roundoff, up_to_t_max
-from .spec import Spec, Tier
-from .structs import face_hit_struct, face_ray_struct, local_ray_struct, mesh_struct, sheared_struct, vec3
+from .spec import Search, Spec, Tier
+from .structs import (
+    crossed_struct,
+    face_hit_struct,
+    face_ray_struct,
+    gathered_struct,
+    local_ray_struct,
+    mesh_struct,
+    sheared_struct,
+    vec3,
+)
 from .tree_walk import make_next_slot, make_start_walk, walk_struct
-from .triangle import shear_axes, solve_sheared
+from .triangle import shear_axes, solve_sheared, touch_sheared
 
 
 @cache
@@ -72,6 +81,38 @@ def make_in_range(tier: Tier):
 
 
 @cache
+def make_gather(tier: Tier):
+    """One more hit of a ray, unless it is one of the last few: a triangle is met in each cell that lists it."""
+    wide = tier.wide
+    Gathered, Crossed, in_range = gathered_struct(wide), crossed_struct(wide), make_in_range(tier)
+
+    @wp.func_native("""
+        auto* held = (decltype(&crossed))(size_t)gathered.room_at;
+        const int known = gathered.count < gathered.room ? gathered.count : gathered.room;
+        for (int k = known > 8 ? known - 8 : 0; k < known; ++k) {
+            const bool is_same = held[k].instance == crossed.instance && held[k].primitive == crossed.primitive;
+            if (is_same && held[k].t == crossed.t) return;
+        }
+        if (gathered.count < gathered.room) held[known] = crossed;
+        ++gathered.count;
+    """)
+    def hold(gathered: wp.ref[Gathered], crossed: wp.ref[Crossed]): ...
+
+    @wp.func
+    def gather(t: wide, i: int, primitive: int, touch: int, t_min: wide, t_max: wide, gathered: Gathered) -> Gathered:
+        if in_range(t, t_min, t_max):
+            crossed = Crossed()
+            crossed.t = t
+            crossed.instance = i
+            crossed.primitive = primitive
+            crossed.touch = touch
+            hold(gathered, crossed)
+        return gathered
+
+    return gather
+
+
+@cache
 def make_reported_from(tier: Tier):
     """t, or a parameter at most an ulp above it, that will not be reported as below t."""
     result, wide = tier.result, tier.wide
@@ -100,14 +141,13 @@ def _on_tested_corners(spec: Spec, function):
     return on_fine_corners if spec.tier.has_fine else on_corners
 
 
-@cache
-def make_hit_slot(spec: Spec):
-    """Ray against the triangle of one slot, as `hit_triangle`, with the shear taken from the ray."""
+def _make_on_sheared(spec: Spec, solve):
+    """solve(ax, ay, az, ..., dz) as a function of (mesh, ray, slot): of the sheared corners of one slot."""
     result = spec.tier.result
     FaceRay, at = face_ray_struct(spec.tier), make_at(result)
 
     @wp.func
-    def hit_corners(corner: wp.array(dtype=result), slot: int, ray: FaceRay, shear: Struct):
+    def on_sheared(corner: wp.array(dtype=result), slot: int, ray: FaceRay, shear: Struct):
         row = slot_row(slot)
         kx, ky, kz = row + 8 * ray.kx, row + 8 * ray.ky, row + 8 * ray.kz
         az = at(corner, kz) - shear.oz
@@ -119,9 +159,15 @@ def make_hit_slot(spec: Spec):
         ay = (at(corner, ky) - shear.oy) - shear.sy * az
         by = (at(corner, ky + 24) - shear.oy) - shear.sy * bz
         cy = (at(corner, ky + 48) - shear.oy) - shear.sy * cz
-        return solve_sheared(ax, ay, az, bx, by, bz, cx, cy, cz, ray.dz)
+        return solve(ax, ay, az, bx, by, bz, cx, cy, cz, ray.dz)
 
-    return _on_tested_corners(spec, hit_corners)
+    return _on_tested_corners(spec, on_sheared)
+
+
+@cache
+def make_hit_slot(spec: Spec):
+    """Ray against the triangle of one slot, as `hit_triangle`, with the shear taken from the ray."""
+    return _make_on_sheared(spec, solve_sheared)
 
 
 @cache
@@ -144,22 +190,54 @@ def make_is_at(spec: Spec):
 
 
 @cache
-def make_try_slot(spec: Spec, any_hit: bool):
-    """The better of a hit and the triangle of a slot. With any_hit, the first one counts, marked by t = -inf."""
-    tier, real, wide = spec.tier, spec.tier.real, spec.tier.wide
-    Mesh, FaceRay, FaceHit = mesh_struct(tier, spec.mesh_grid), face_ray_struct(tier), face_hit_struct(tier)
-    hit_slot, in_range, face_at = make_hit_slot(spec), make_in_range(tier), make_face_at(real)
+def make_meet_slot(spec: Spec):
+    """(is_hit, t) of the triangle of a slot, t along the local ray."""
+    tier, wide = spec.tier, spec.tier.wide
+    Mesh, FaceRay, hit_slot = mesh_struct(tier, spec.mesh_grid), face_ray_struct(tier), make_hit_slot(spec)
     is_exact, is_at = tier is not Tier.FAST, make_is_at(spec)
     behind = -64.0 * 2.0 ** (-24 if tier.result is wp.float32 else -53)
 
     @wp.func
-    def try_slot(mesh: Mesh, ray: FaceRay, slot: int, best: FaceHit) -> FaceHit:
+    def meet_slot(mesh: Mesh, ray: FaceRay, slot: int):
         is_hit, t, _u, _v = hit_slot(mesh, ray, slot)
         if wp.static(is_exact):
             if is_hit and ray.start == wide(0.0) and t < wide(0.0) and t > wide(wp.static(behind)):
                 # Rounded slopes may put what the ray begins on a little behind it.
                 if is_at(mesh, ray, slot):
                     t = wide(0.0)
+        return is_hit, t
+
+    return meet_slot
+
+
+@cache
+def make_try_slot(spec: Spec, search: Search):
+    """The better of a hit and the triangle of a slot.
+
+    In a search for any hit, the first one counts, marked by t = -inf; in one for all, each joins those gathered.
+    """
+    tier, real, wide = spec.tier, spec.tier.real, spec.tier.wide
+    Mesh, FaceRay, FaceHit = mesh_struct(tier, spec.mesh_grid), face_ray_struct(tier), face_hit_struct(tier, search)
+    meet_slot, in_range, face_at = make_meet_slot(spec), make_in_range(tier), make_face_at(real)
+    is_any = search is Search.ANY
+
+    if search is Search.ALL:
+        gather, touch_slot = make_gather(tier), _make_on_sheared(spec, touch_sheared)
+
+        @wp.func
+        def gather_slot(mesh: Mesh, ray: FaceRay, slot: int, best: FaceHit) -> FaceHit:
+            is_hit, t = meet_slot(mesh, ray, slot)
+            if is_hit:
+                touch = touch_slot(mesh, ray, slot)
+                t_world = ray.scale * (ray.start + t)
+                best.gathered = gather(t_world, best.instance, slot, touch, ray.t_min, ray.t_max, best.gathered)
+            return best
+
+        return gather_slot
+
+    @wp.func
+    def try_slot(mesh: Mesh, ray: FaceRay, slot: int, best: FaceHit) -> FaceHit:
+        is_hit, t = meet_slot(mesh, ray, slot)
         t_world = ray.scale * (ray.start + t)
         if is_hit and t <= wide(best.t) and in_range(t_world, ray.t_min, ray.t_max):
             is_better = best.slot < 0 or t_world < best.t_world
@@ -169,7 +247,7 @@ def make_try_slot(spec: Spec, any_hit: bool):
                 best.t = real_above(t + rounding_of_sum(ray.start, t), real(0.0))
                 best.t_world = t_world
                 best.slot = slot
-                if wp.static(any_hit):
+                if wp.static(is_any):
                     best.t = real(-wp.inf)
         return best
 
@@ -177,11 +255,11 @@ def make_try_slot(spec: Spec, any_hit: bool):
 
 
 @cache
-def make_hit_faces(spec: Spec, any_hit: bool):
+def make_hit_faces(spec: Spec, search: Search):
     """Best triangle of a mesh."""
     tier = spec.tier
-    Mesh, FaceRay, FaceHit = mesh_struct(tier, spec.mesh_grid), face_ray_struct(tier), face_hit_struct(tier)
-    try_slot, candidates = make_try_slot(spec, any_hit), make_candidates(tier)
+    Mesh, FaceRay, FaceHit = mesh_struct(tier, spec.mesh_grid), face_ray_struct(tier), face_hit_struct(tier, search)
+    try_slot, candidates = make_try_slot(spec, search), make_candidates(tier)
 
     @wp.func
     def try_block(mesh: Mesh, ray: FaceRay, block: int, best: FaceHit) -> FaceHit:
@@ -202,7 +280,7 @@ def make_hit_faces(spec: Spec, any_hit: bool):
 
         return hit_every_block
 
-    start_walk, hit_walk = make_start_walk(tier.real), make_hit_walk(spec, any_hit)
+    start_walk, hit_walk = make_start_walk(tier.real), make_hit_walk(spec, search)
 
     @wp.func
     def hit_faces(meshes: wp.array(dtype=Mesh), m: int, ray: FaceRay, best: FaceHit) -> FaceHit:
@@ -212,11 +290,11 @@ def make_hit_faces(spec: Spec, any_hit: bool):
 
 
 @cache
-def make_hit_walk(spec: Spec, any_hit: bool):
+def make_hit_walk(spec: Spec, search: Search):
     """Best triangle of a mesh on a walk that begins."""
     tier = spec.tier
-    Mesh, FaceRay, FaceHit = mesh_struct(tier, True), face_ray_struct(tier), face_hit_struct(tier)
-    Walk, next_slot, try_slot = walk_struct(tier.real), make_next_slot(tier), make_try_slot(spec, any_hit)
+    Mesh, FaceRay, FaceHit = mesh_struct(tier, True), face_ray_struct(tier), face_hit_struct(tier, search)
+    Walk, next_slot, try_slot = walk_struct(tier.real), make_next_slot(tier), make_try_slot(spec, search)
 
     @wp.func
     def hit_walk(meshes: wp.array(dtype=Mesh), m: int, ray: FaceRay, walk: Walk, best: FaceHit) -> FaceHit:

@@ -11,7 +11,7 @@ import warp as wp
 from .blocks import lowest_lane, make_face_at, native_code
 from .faces import make_hit_walk
 from .memory import int_at, make_at
-from .spec import Spec, Tier
+from .spec import Search, Spec, Tier
 from .structs import (
     face_hit_struct,
     face_ray_struct,
@@ -388,17 +388,17 @@ def make_store_packet(tier: Tier):
 
 
 @cache
-def make_trace_packet(spec: Spec, any_hit: bool):
+def make_trace_packet(spec: Spec, search: Search):
     """Closest (or any) hits of rays first .. first + count - 1, in a scene of which `spec.in_packets` is true.
 
     What `make_trace` finds for each ray, but that the primitive is the user's number of the face.
     """
     tier, wide = spec.tier, spec.tier.wide
     Scene, Packet, Rays, Hit = scene_struct(spec), packet_struct(tier), rays_struct(), hit_struct(wide)
-    FaceRay, FaceHit, Walk = face_ray_struct(tier), face_hit_struct(tier), walk_struct(tier.real)
+    FaceRay, FaceHit, Walk = face_ray_struct(tier), face_hit_struct(tier, search), walk_struct(tier.real)
     load_packet, enter_packet, take_lane = make_load_packet(tier), make_enter_packet(tier), make_take_lane(tier)
-    hit_walk, closer, face_at = make_hit_walk(spec, any_hit), make_closer(spec, any_hit), make_face_at(tier.real)
-    vec_at, mat_at = make_at(vec3(wide)), make_at(mat33(wide))
+    hit_walk, closer, face_at = make_hit_walk(spec, search), make_closer(spec, search), make_face_at(tier.real)
+    vec_at, mat_at, is_closest = make_at(vec3(wide)), make_at(mat33(wide)), search is Search.CLOSEST
 
     @wp.func
     def hit_lane(scene: Scene, packet: wp.ref[Packet], lane: int, i: int, m: int):
@@ -431,7 +431,7 @@ def make_trace_packet(spec: Spec, any_hit: bool):
                 hit_lane(scene, packet, lowest_lane(left), i, shape.mesh)
                 left = left & (left - 1)
             k += 1
-        if wp.static(not any_hit):
+        if wp.static(is_closest):
             lane = int(0)
             while lane < count:
                 if packet.instance[lane] >= 0:

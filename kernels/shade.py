@@ -4,7 +4,7 @@ from functools import cache
 
 import warp as wp
 
-from .spec import Look
+from .spec import Look, Search
 from .sphere import reflected
 from .structs import look_struct, scene_struct, vec3
 from .surface import leave, make_surface
@@ -15,7 +15,7 @@ from .trace import make_trace
 def make_lambert(look: Look):
     """Direct light at a surface point, before its own colour. Absent lights leave no code behind."""
     Scene, Lights = scene_struct(look.spec), look_struct(look)
-    occluded = make_trace(look.spec, True) if look.has_shadows else None
+    occluded = make_trace(look.spec, Search.ANY) if look.has_shadows else None
     has_point, has_sun = look.point_lights, look.directional_lights
     wide, vec = look.spec.tier.wide, vec3(look.spec.tier.wide)
 
@@ -69,7 +69,7 @@ def make_sky(look: Look):
 def make_radiance(look: Look):
     """Colour seen along a ray, after up to `max_bounces` mirror reflections."""
     Scene, Lights = scene_struct(look.spec), look_struct(look)
-    trace, surface = make_trace(look.spec, False), make_surface(look.spec)
+    trace, surface = make_trace(look.spec, Search.CLOSEST), make_surface(look.spec)
     lambert, sky = make_lambert(look), make_sky(look)
     has_mirrors = look.mirrors
     wide, vec = look.spec.tier.wide, vec3(look.spec.tier.wide)

@@ -55,6 +55,14 @@ class Tier(Enum):
         return {"fast_math": True, "fuse_fp": True} if self is Tier.FAST else OPTIONS
 
 
+class Search(Enum):
+    """What is asked of the surfaces that a ray meets. One body serves all three."""
+
+    CLOSEST = "closest"
+    ANY = "any"
+    ALL = "all"
+
+
 @dataclass(frozen=True)
 class Spec:
     """Geometry of a scene as far as it decides which code exists."""

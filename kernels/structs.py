@@ -4,7 +4,7 @@ from functools import cache
 
 import warp as wp
 
-from .spec import Look, Spec, Tier
+from .spec import Look, Search, Spec, Tier
 
 WIDE = wp.float64
 """Arithmetic in which structures are built, cameras aim and limits are stored, whatever the tier."""
@@ -185,22 +185,53 @@ def face_ray_struct(tier: Tier):
 
 
 @cache
-def face_hit_struct(tier: Tier):
-    """Best hit within one mesh."""
-    return make_struct(
-        "FaceHit",
-        {
-            "t": tier.real,  # local parameter beyond which nothing can be as near
-            "t_world": tier.wide,
-            "slot": wp.int32,
-        },
-    )
+def face_hit_struct(tier: Tier, search: Search):
+    """Best hit within one mesh; in a search for all hits, those found so far."""
+    fields = {"t": tier.real}  # local parameter beyond which nothing counts, or can be as near
+    if search is Search.ALL:
+        fields |= {"instance": wp.int32, "gathered": gathered_struct(tier.wide)}
+    else:
+        fields |= {"t_world": tier.wide, "slot": wp.int32}
+    return make_struct("FaceHit", fields)
 
 
 @cache
 def hit_struct(wide):
     """Best hit over all instances. A miss has instance -1; on a mesh, the primitive is a slot of its blocks."""
     return make_struct("Hit", {"t": wide, "instance": wp.int32, "primitive": wp.int32})
+
+
+@cache
+def crossed_struct(wide):
+    """One of all hits of a ray."""
+    return make_struct(
+        "Crossed",
+        {
+            "t": wide,
+            "instance": wp.int32,
+            "primitive": wp.int32,  # as in Hit
+            "touch": wp.int32,  # on a mesh: see triangle.touch_sheared
+        },
+    )
+
+
+@cache
+def gathered_struct(wide):
+    """All hits of a ray so far."""
+    return make_struct(
+        "Gathered",
+        {
+            "t": wide,  # the end of the ray
+            "count": wp.int32,  # also of those for which there is no room
+            "room": wp.int32,  # for how many of them there is
+            "room_at": wp.uint64,  # an address, not an array: this struct is handed from function to function
+        },
+    )
+
+
+def found_struct(wide, search: Search):
+    """What a search carries along."""
+    return gathered_struct(wide) if search is Search.ALL else hit_struct(wide)
 
 
 @cache

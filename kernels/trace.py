@@ -6,23 +6,41 @@ import warp as wp
 
 from .blocks import make_face_at
 from .box import enter_box, roots_box
-from .faces import make_face_ray, make_hit_faces, make_in_range, make_reported_from
+from .faces import make_face_ray, make_gather, make_hit_faces, make_in_range, make_reported_from
 from .grid import wall
 from .instance import make_enter
 from .memory import int_at
 from .plane import root_plane
 from .rounding import from_t_min, is_ray, larger, largest, real_above, rounding_of_sum, safe_reciprocal, up_to_t_max
-from .spec import ShapeKind, Spec
+from .spec import Search, ShapeKind, Spec
 from .sphere import roots_sphere
-from .structs import face_hit_struct, hit_struct, make_struct, scene_struct, vec3, world_ray_struct
+from .structs import (
+    face_hit_struct,
+    found_struct,
+    hit_struct,
+    make_struct,
+    scene_struct,
+    vec3,
+    world_ray_struct,
+)
 from .tree_walk import make_next_instance, make_start_walk
 
 
 @cache
-def make_closer(spec: Spec, any_hit: bool):
-    """Keeps the better of a hit and a parameter: the smaller t, then the lower instance id."""
+def make_closer(spec: Spec, search: Search):
+    """Keeps the better of a hit and a parameter: the smaller t, then the lower instance id; for all, both."""
     wide = spec.tier.wide
-    Hit, in_range = hit_struct(wide), make_in_range(spec.tier)
+    Hit, in_range = found_struct(wide, search), make_in_range(spec.tier)
+    is_any = search is Search.ANY
+
+    if search is Search.ALL:
+        gather = make_gather(spec.tier)
+
+        @wp.func
+        def also(t: wide, i: int, primitive: int, t_min: wide, t_max: wide, gathered: Hit) -> Hit:
+            return gather(t, i, primitive, 0, t_min, t_max, gathered)
+
+        return also
 
     @wp.func
     def closer(t: wide, i: int, primitive: int, t_min: wide, t_max: wide, best: Hit) -> Hit:
@@ -30,7 +48,7 @@ def make_closer(spec: Spec, any_hit: bool):
             best.t = t
             best.instance = i
             best.primitive = primitive
-            if wp.static(any_hit):
+            if wp.static(is_any):
                 best.t = wide(-wp.inf)
         return best
 
@@ -38,16 +56,18 @@ def make_closer(spec: Spec, any_hit: bool):
 
 
 @cache
-def make_hit_instance(spec: Spec, any_hit: bool):
+def make_hit_instance(spec: Spec, search: Search):
     """Best hit after one more instance. Absent shapes leave no code behind."""
     tier, wide = spec.tier, spec.tier.wide
-    Scene, Ray, Hit, FaceHit = scene_struct(spec), world_ray_struct(wide), hit_struct(wide), face_hit_struct(tier)
-    enter, closer, reported_from = make_enter(spec), make_closer(spec, any_hit), make_reported_from(tier)
+    Scene, Ray, Hit = scene_struct(spec), world_ray_struct(wide), found_struct(wide, search)
+    FaceHit = face_hit_struct(tier, search)
+    enter, closer, reported_from = make_enter(spec), make_closer(spec, search), make_reported_from(tier)
+    is_any, is_all = search is Search.ANY, search is Search.ALL
     has_sphere = ShapeKind.SPHERE in spec.shapes
     has_box = ShapeKind.BOX in spec.shapes
     has_plane = ShapeKind.PLANE in spec.shapes
     has_mesh = spec.has_mesh
-    face_ray, hit_faces = (make_face_ray(tier), make_hit_faces(spec, any_hit)) if has_mesh else (None, None)
+    face_ray, hit_faces = (make_face_ray(tier), make_hit_faces(spec, search)) if has_mesh else (None, None)
 
     @wp.func
     def hit_instance(scene: Scene, ray: Ray, i: int, best: Hit) -> Hit:
@@ -78,16 +98,22 @@ def make_hit_instance(spec: Spec, any_hit: bool):
         if wp.static(has_mesh):
             if shape.kind == wp.static(int(ShapeKind.MESH)):
                 face = FaceHit()
-                face.slot = -1
                 reach = best.t * local.inv_scale
                 face.t = real_above(reach - local.start + rounding_of_sum(reach, local.start), face.t)
-                face = hit_faces(scene.mesh, shape.mesh, face_ray(local, ray.t_min, ray.t_max), face)
-                if face.slot >= 0:
-                    if wp.static(any_hit):
-                        best.t = wide(-wp.inf)
-                        best.instance = i
-                    else:
-                        best = closer(face.t_world, i, face.slot, ray.t_min, ray.t_max, best)
+                if wp.static(is_all):
+                    face.instance = i
+                    face.gathered = best
+                    face = hit_faces(scene.mesh, shape.mesh, face_ray(local, ray.t_min, ray.t_max), face)
+                    best = face.gathered
+                else:
+                    face.slot = -1
+                    face = hit_faces(scene.mesh, shape.mesh, face_ray(local, ray.t_min, ray.t_max), face)
+                    if face.slot >= 0:
+                        if wp.static(is_any):
+                            best.t = wide(-wp.inf)
+                            best.instance = i
+                        else:
+                            best = closer(face.t_world, i, face.slot, ray.t_min, ray.t_max, best)
         return best
 
     return hit_instance
@@ -128,12 +154,29 @@ def was_recent(recent: wp.ref[Recent], i: int) -> bool:
 
 
 @cache
-def make_trace(spec: Spec, any_hit: bool):
+def make_trace(spec: Spec, search: Search):
     """Closest (or any) hit of a ray. A miss, and what is not a ray, has instance -1."""
     wide, vec = spec.tier.wide, vec3(spec.tier.wide)
-    Scene, Ray, Hit = scene_struct(spec), world_ray_struct(wide), hit_struct(wide)
-    has_grid = spec.instance_grid
-    hit_instance = make_hit_instance(spec, any_hit)
+    Scene, Hit, look_for = scene_struct(spec), hit_struct(wide), make_search(spec, search)
+
+    @wp.func
+    def trace(scene: Scene, o: vec, d: vec, t_min: wide, t_max: wide) -> Hit:
+        best = Hit()
+        best.t = up_to_t_max(t_max)
+        best.instance = -1
+        best.primitive = -1
+        return look_for(scene, o, d, t_min, t_max, best)
+
+    return trace
+
+
+@cache
+def make_search(spec: Spec, search: Search):
+    """What a search has found after all instances, of what it had found before."""
+    wide, vec = spec.tier.wide, vec3(spec.tier.wide)
+    Scene, Ray, Hit = scene_struct(spec), world_ray_struct(wide), found_struct(wide, search)
+    has_grid, is_any = spec.instance_grid, search is Search.ANY
+    hit_instance = make_hit_instance(spec, search)
 
     @wp.func
     def hit_loose(scene: Scene, ray: Ray, count: int, best: Hit) -> Hit:
@@ -141,7 +184,7 @@ def make_trace(spec: Spec, any_hit: bool):
         while k < count:
             best = hit_instance(scene, ray, int_at(scene.instances.order, k), best)
             k += 1
-            if wp.static(any_hit):
+            if wp.static(is_any):
                 if best.instance >= 0:
                     return best
         return best
@@ -155,24 +198,15 @@ def make_trace(spec: Spec, any_hit: bool):
         ray.t_max = t_max
         return ray
 
-    @wp.func
-    def no_hit(t_max: wide) -> Hit:
-        best = Hit()
-        best.t = up_to_t_max(t_max)
-        best.instance = -1
-        best.primitive = -1
-        return best
-
     if not has_grid:
 
         @wp.func
-        def trace_all(scene: Scene, o: vec, d: vec, t_min: wide, t_max: wide) -> Hit:
-            best = no_hit(t_max)
+        def search_each(scene: Scene, o: vec, d: vec, t_min: wide, t_max: wide, best: Hit) -> Hit:
             if is_ray(o, d, t_min, t_max):
                 best = hit_loose(scene, start_ray(o, d, t_min, t_max), scene.instances.count, best)
             return best
 
-        return trace_all
+        return search_each
 
     start_walk, next_instance = make_start_walk(wide), make_next_instance(wide)
 
@@ -199,15 +233,14 @@ def make_trace(spec: Spec, any_hit: bool):
             while i >= 0:
                 if not was_recent(recent, i):
                     best = hit_instance(scene, ray, i, best)
-                    if wp.static(any_hit):
+                    if wp.static(is_any):
                         if best.instance >= 0:
                             return best
                 i = next_instance(walk, scene.instances, ray, limit(ray, best))
         return best
 
     @wp.func
-    def trace(scene: Scene, o: vec, d: vec, t_min: wide, t_max: wide) -> Hit:
-        best = no_hit(t_max)
+    def search_grid(scene: Scene, o: vec, d: vec, t_min: wide, t_max: wide, best: Hit) -> Hit:
         if is_ray(o, d, t_min, t_max):
             ray = start_ray(o, d, t_min, t_max)
             ray.o = o - scene.instances.center
@@ -218,4 +251,4 @@ def make_trace(spec: Spec, any_hit: bool):
             best = hit_listed(scene, ray, best)
         return best
 
-    return trace
+    return search_grid

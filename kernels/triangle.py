@@ -76,6 +76,18 @@ def solve_sheared(ax: Real, ay: Real, az: Real, bx: Real, by: Real, bz: Real, cx
 
 
 @wp.func
+def touch_sheared(ax: Real, ay: Real, az: Real, bx: Real, by: Real, bz: Real, cx: Real, cy: Real, cz: Real, dz: Wide):
+    """At which edges a hit lies: bit 0 for the one opposite a, 1 for b, 2 for c. Bit 3: the triangle faces away.
+
+    A vertex lies at the two edges that meet there. Exact where the weights are in float64.
+    """
+    _is_hit, wa, wb, wc = edge_weights(ax, ay, bx, by, cx, cy, dz)
+    zero = type(dz)(0.0)
+    edges = wp.where(wa == zero, 1, 0) + wp.where(wb == zero, 2, 0) + wp.where(wc == zero, 4, 0)
+    return edges + wp.where(wa + wb + wc < zero, 8, 0)
+
+
+@wp.func
 def hit_triangle(o: Vec3, d: Vec3, p0: Vec3, p1: Vec3, p2: Vec3):
     """(is_hit, t, u, v): the point o + t d = (1 - u - v) p0 + u p1 + v p2, all three in float64.
 

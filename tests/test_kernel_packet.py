@@ -19,7 +19,7 @@ Rays = rays_struct()
 @cache
 def one_by_one(spec):
     """Kernel that traces each ray on its own."""
-    Scene, trace, primitive_id = scene_struct(spec), make_trace(spec, False), make_primitive_id(spec)
+    Scene, trace, primitive_id = scene_struct(spec), make_trace(spec, Search.CLOSEST), make_primitive_id(spec)
     load_ray = make_load_ray(spec.tier.wide)
 
     @wp.kernel(module="unique", enable_backward=False, module_options=spec.tier.options)
@@ -43,8 +43,9 @@ def one_by_one(spec):
 def expected(tracer, o, d, t_min, t_max):
     """(t, instance, primitive) of each ray on its own, as `cast` reports them."""
     rays = as_rays(o, d, t_min, t_max, tracer.device)
+    part = next(rays.parts())
     found = [wp.zeros(rays.count, dtype=dtype, device=tracer.device) for dtype in (wp.float64, wp.int32, wp.int32)]
-    inputs = [tracer._device_scene.struct, rays.struct, *found]
+    inputs = [tracer._device_scene.struct, part.struct, *found]
     wp.launch(one_by_one(tracer._device_scene.spec), dim=rays.count, inputs=inputs, device=tracer.device)
     t, instance, primitive = (array.numpy() for array in found)
     dtype = np.float32 if tracer.accuracy == "robust" else np.float64

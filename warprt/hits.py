@@ -1,11 +1,12 @@
 """Results of casting rays."""
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
 import warp as wp
 
-from warprt.kernels.structs import vec3
+from warprt.kernels.structs import hit_arrays_struct, vec3
 
 from .typing import Array, ArrayLike
 
@@ -91,7 +92,26 @@ class Hits:
         return self._tracer._spawn(self._rays, directions)
 
 
-def numpy_field(array: wp.array, shape: tuple[int, ...]) -> np.ndarray:
-    """A field as a NumPy array with the leading shape of the rays."""
-    values = array.numpy()
-    return values.reshape(shape + values.shape[1:])
+def hit_arrays(real: type, fields: dict[str, wp.array]):
+    """Where hits are to be stored, as kernels take it."""
+    arrays = hit_arrays_struct(real)()
+    for name, array in fields.items():
+        setattr(arrays, name, array)
+    return arrays
+
+
+def by_parts(rays: "Rays", types: dict[str, type], run: Callable) -> dict[str, Array]:
+    """What run(part, {name: array}) stores for each part of the rays, with their leading shape.
+
+    Warp arrays where the rays are, else NumPy arrays.
+    """
+    results = {name: [] for name in types}
+    for part in rays.parts():
+        fields = {name: wp.empty(part.count, dtype=dtype, device=rays.device) for name, dtype in types.items()}
+        run(part, fields)
+        for name, array in fields.items():
+            results[name].append(array if rays.is_device_array else array.numpy())
+    if rays.is_device_array:
+        return {name: arrays[0].reshape(rays.shape) for name, arrays in results.items()}
+    joined = {name: parts[0] if len(parts) == 1 else np.concatenate(parts) for name, parts in results.items()}
+    return {name: values.reshape(rays.shape + values.shape[1:]) for name, values in joined.items()}

@@ -1,7 +1,8 @@
-"""Rays as a user gives them, brought to a device without changing a bit of them."""
+"""Rays as a user gives them, brought to a device without changing a bit of them, in parts if they are many."""
 
 import math
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, field
 from functools import lru_cache
 
 import numpy as np
@@ -13,35 +14,112 @@ from .typing import Array, ArrayLike
 
 LARGEST, SMALLEST = 1e100, 1e-100
 """Finite components of rays beyond these sizes could overflow inside; NumPy rays that have them are refused."""
+BYTES = 160
+"""Of a ray in float64 with its limits, and of all that can be asked of it."""
+
+
+@dataclass
+class RayPart:
+    """Rays first .. first + count - 1 of a batch, on a device."""
+
+    struct: object
+    first: int
+    count: int
 
 
 @dataclass
 class Rays:
-    """A batch of rays on a device."""
+    """A batch of rays."""
 
-    struct: object
+    origins: np.ndarray | wp.array
+    """(count, 3), or a Warp array of as many vectors."""
+    directions: np.ndarray | wp.array
+    t_min: np.ndarray | wp.array
+    """One number, or one for each ray."""
+    t_max: np.ndarray | wp.array
     shape: tuple[int, ...]
     """Leading shape, that of the results."""
-    is_device_array: bool
-    """Whether they came as Warp arrays, and results should go as such."""
+    device: wp.Device
+    most: int
+    """How many of them may be on the device at a time, unless they are there already."""
+    _whole: RayPart | None = field(default=None, repr=False)
 
     @property
     def count(self) -> int:
         """Number of rays."""
         return math.prod(self.shape)
 
+    @property
+    def is_device_array(self) -> bool:
+        """Whether they came as arrays on the device, and results should go as such."""
+        return isinstance(self.origins, wp.array)
 
-def as_rays(origins, directions, t_min, t_max, device: wp.Device) -> Rays:
-    """Rays from NumPy-like values of any leading shape (they broadcast), or from Warp arrays of vec3 or vec3d."""
-    struct = rays_struct()()
-    is_device_array = isinstance(origins, wp.array)
-    if is_device_array != isinstance(directions, wp.array):
-        raise ValueError("origins and directions must both be Warp arrays, or neither")
-    if is_device_array:
+    @property
+    def is_whole(self) -> bool:
+        """Whether they make one part."""
+        return self.is_device_array or self.count <= self.most
+
+    def parts(self) -> Iterator[RayPart]:
+        """The rays on the device: all at once, and then they stay there, or some at a time."""
+        if not self.is_whole:
+            for first in range(0, self.count, self.most):
+                yield self._part(first, min(self.most, self.count - first))
+            return
+        if self._whole is None:
+            self._whole = self._part(0, self.count)
+        yield self._whole
+
+    def _part(self, first: int, count: int) -> RayPart:
+        struct, rows = rays_struct()(), slice(first, first + count)
+        if self.is_device_array:
+            vectors, is_wide = (self.origins, self.directions), self.origins.dtype == wp.vec3d
+        else:
+            vectors, is_wide = self._checked(rows)
+        suffix = "_wide" if is_wide else ""
+        for name, values in zip(("origin", "direction"), vectors, strict=True):
+            setattr(struct, name + suffix, values)
+        struct.is_wide = is_wide
+        struct.t_min, struct.t_min_step = self._limits(self.t_min, rows)
+        struct.t_max, struct.t_max_step = self._limits(self.t_max, rows)
+        return RayPart(struct, first, count)
+
+    def _checked(self, rows: slice) -> tuple[list[wp.array], bool]:
+        """Origins and directions, and whether they are float64."""
+        origins = _in_range(self.origins[rows], "origins")
+        directions = _in_range(self.directions[rows], "directions")
+        dtype = np.result_type(origins, directions)
+        kind = wp.vec3d if dtype == np.float64 else wp.vec3f
+        # A copy: `Hits.spawn` reads the rays again, when the caller may have changed theirs.
+        arrays = [np.ascontiguousarray(values, dtype=dtype) for values in (origins, directions)]
+        return [wp.array(values, dtype=kind, device=self.device) for values in arrays], dtype == np.float64
+
+    def _limits(self, values: np.ndarray | wp.array, rows: slice) -> tuple[wp.array, int]:
+        """(float64 limits, step from one ray to the next: 0 where all share one)."""
+        if isinstance(values, wp.array):
+            wide = wp.empty(values.size, dtype=wp.float64, device=self.device)
+            wp.utils.array_cast(values, wide)
+            return wide, 1
+        if values.ndim == 0:
+            return _common_limit(float(values), self.device.alias), 0
+        return wp.array(_wide(values[rows]), dtype=wp.float64, device=self.device), 1
+
+
+def as_rays(origins, directions, t_min, t_max, device: wp.Device, most: int = 2**31 - 1) -> Rays:
+    """Rays from NumPy-like values of any leading shape (they broadcast), or from arrays on the device.
+
+    Those are Warp arrays of vec3 or vec3d, or what has `__dlpack__` (PyTorch, CuPy, JAX), of shape (..., 3); they are
+    used where they lie.
+    """
+    origins, directions = _as_vectors(_adopted(origins)), _as_vectors(_adopted(directions))
+    t_min, t_max = _adopted(t_min), _adopted(t_max)
+    if isinstance(origins, wp.array) != isinstance(directions, wp.array):
+        raise ValueError("origins and directions must both be arrays on a device, or neither")
+    if isinstance(origins, wp.array):
         origins, directions = _warp_vectors(origins, "origins", device), _warp_vectors(directions, "directions", device)
         if origins.shape != directions.shape or origins.dtype != directions.dtype:
             raise ValueError(f"origins and directions must agree; got {_describe(origins)} and {_describe(directions)}")
-        shape, is_wide = origins.shape, origins.dtype == wp.vec3d
+        shape = origins.shape
+        origins, directions = origins.flatten(), directions.flatten()
     else:
         origins, directions = _numpy_vectors(origins, "origins"), _numpy_vectors(directions, "directions")
         try:
@@ -50,16 +128,38 @@ def as_rays(origins, directions, t_min, t_max, device: wp.Device) -> Rays:
             raise ValueError(
                 f"origins and directions must have the same leading shape; got {origins.shape} and {directions.shape}"
             ) from None
-        dtype = np.result_type(origins, directions)
-        is_wide = dtype == np.float64
-        origins, directions = (_to_device(v, (*shape, 3), dtype, device) for v in (origins, directions))
-    struct.is_wide = is_wide
-    suffix = "_wide" if is_wide else ""
-    setattr(struct, f"origin{suffix}", origins.flatten())
-    setattr(struct, f"direction{suffix}", directions.flatten())
-    struct.t_min, struct.t_min_step = _limits(t_min, "t_min", shape, device)
-    struct.t_max, struct.t_max_step = _limits(t_max, "t_max", shape, device)
-    return Rays(struct, shape, is_device_array)
+        # Views, not copies, where they are one vector for all rays or as many as there are.
+        origins, directions = (np.broadcast_to(v, (*shape, 3)).reshape(-1, 3) for v in (origins, directions))
+    limits = (_checked_limit(value, name, shape, device) for value, name in ((t_min, "t_min"), (t_max, "t_max")))
+    return Rays(origins, directions, *limits, shape, device, most)
+
+
+def as_directions(directions, rays: Rays) -> np.ndarray | wp.array:
+    """(count, 3) directions, one for each of some rays, or a Warp array of as many vectors."""
+    directions = _as_vectors(_adopted(directions))
+    if isinstance(directions, wp.array):
+        if directions.shape != rays.shape or directions.dtype not in (wp.vec3f, wp.vec3d):
+            raise ValueError(f"directions must be vec3 or vec3d of shape {rays.shape}; got {_describe(directions)}")
+        return directions.flatten()
+    try:
+        return np.broadcast_to(_numbers(directions, "directions"), (*rays.shape, 3)).reshape(-1, 3)
+    except ValueError:
+        raise ValueError(f"directions must have shape {(*rays.shape, 3)}; got {np.shape(directions)}") from None
+
+
+def _adopted(value):
+    """An array of another library as a Warp array that shares its memory; anything else as it is."""
+    if isinstance(value, (np.ndarray, np.generic, wp.array)) or not hasattr(value, "__dlpack__"):
+        return value
+    return wp.from_dlpack(value)
+
+
+def _as_vectors(value):
+    """A Warp array of (..., 3) numbers as one of vectors, in the same memory."""
+    if not isinstance(value, wp.array) or value.ndim == 0 or value.shape[-1] != 3:
+        return value
+    kind = {wp.float32: wp.vec3f, wp.float64: wp.vec3d}.get(value.dtype)
+    return value if kind is None else value.contiguous().view(kind)
 
 
 def _describe(array: wp.array) -> str:
@@ -68,45 +168,48 @@ def _describe(array: wp.array) -> str:
 
 def _warp_vectors(array: wp.array, name: str, device: wp.Device) -> wp.array:
     if array.dtype not in (wp.vec3f, wp.vec3d):
-        raise ValueError(f"{name} must be a Warp array of vec3 or vec3d; got {array.dtype.__name__}")
+        raise ValueError(f"{name} must be a Warp array of vec3 or vec3d; got {_describe(array)}")
     if array.device != device:
         raise ValueError(f"{name} are on {array.device.alias}, but the tracer is on {device.alias}")
     return array.contiguous()
 
 
 def _numpy_vectors(value: ArrayLike, name: str) -> np.ndarray:
-    """(..., 3) float32 where the value is no wider than that, else float64."""
+    """The value as (..., 3) real numbers."""
     array = _numbers(value, name)
     if array.ndim == 0 or array.shape[-1] != 3:
         raise ValueError(f"{name} must have shape (..., 3); got {array.shape}")
-    if array.dtype == np.float64:
-        size = np.abs(array)
-        is_finite = np.isfinite(size)
-        if (is_finite & (size > LARGEST)).any():
-            raise ValueError(f"{name} must not exceed {LARGEST:g} in size; got {size[is_finite].max():g}")
-        if name == "directions" and array.size:
-            longest = size.max(axis=-1)
-            if ((longest > 0) & (longest < SMALLEST)).any():
-                raise ValueError(f"directions must be longer than {SMALLEST:g}; got {longest[longest > 0].min():g}")
     return array
+
+
+def _in_range(values: np.ndarray, name: str) -> np.ndarray:
+    """(n, 3) float32 where the values are no wider than that, else float64."""
+    if values.dtype.kind == "f" and values.dtype.itemsize <= 4:
+        return values.astype(np.float32, copy=False)
+    array = _wide(values)
+    size = np.abs(array)
+    is_finite = np.isfinite(size)
+    if (is_finite & (size > LARGEST)).any():
+        raise ValueError(f"{name} must not exceed {LARGEST:g} in size; got {size[is_finite].max():g}")
+    if name == "directions" and array.size:
+        longest = size.max(axis=-1)
+        if ((longest > 0) & (longest < SMALLEST)).any():
+            raise ValueError(f"directions must be longer than {SMALLEST:g}; got {longest[longest > 0].min():g}")
+    return array
+
+
+def _wide(values: np.ndarray) -> np.ndarray:
+    return values.astype(np.float64, copy=False)
 
 
 def _numbers(value, name: str) -> np.ndarray:
     try:
         array = np.asarray(value)
-        if array.dtype.kind == "f" and array.dtype.itemsize <= 4:
-            return array.astype(np.float32, copy=False)
         if array.dtype.kind not in "fiub":
             raise TypeError
-        return array.astype(np.float64, copy=False)
+        return array
     except (TypeError, ValueError):
         raise ValueError(f"{name} must be real numbers in a regular array; got {type(value).__name__}") from None
-
-
-def _to_device(array: np.ndarray, shape: tuple, dtype, device: wp.Device) -> wp.array:
-    array = np.ascontiguousarray(np.broadcast_to(array, shape), dtype=dtype).reshape(-1, 3)
-    # A copy: `Hits.spawn` reads the rays again, when the caller may have changed theirs.
-    return wp.array(array, dtype=wp.vec3d if dtype == np.float64 else wp.vec3f, device=device)
 
 
 @lru_cache(maxsize=64)
@@ -115,23 +218,20 @@ def _common_limit(value: float, device: str) -> wp.array:
     return wp.array([value], dtype=wp.float64, device=device)
 
 
-def _limits(value: float | Array, name: str, shape: tuple, device: wp.Device) -> tuple[wp.array, int]:
-    """(float64 limits, step from one ray to the next: 0 where all share one)."""
+def _checked_limit(value: float | Array, name: str, shape: tuple, device: wp.Device) -> np.ndarray | wp.array:
+    """One number, or one for each ray."""
     if isinstance(value, wp.array):
         if value.shape != shape or value.dtype not in (wp.float32, wp.float64):
             raise ValueError(f"{name} must be float32 or float64 of shape {shape}; got {_describe(value)}")
         if value.device != device:
             raise ValueError(f"{name} is on {value.device.alias}, but the tracer is on {device.alias}")
-        wide = wp.empty(value.size, dtype=wp.float64, device=device)
-        wp.utils.array_cast(value.flatten(), wide)
-        return wide, 1
-    array = _numbers(value, name).astype(np.float64)
+        return value.flatten()
+    array = _numbers(value, name)
     if array.ndim == 0:
-        return _common_limit(float(array), device.alias), 0
+        return array
     try:
-        array = np.ascontiguousarray(np.broadcast_to(array, shape)).ravel()
+        return np.broadcast_to(array, shape).reshape(-1)
     except ValueError:
         raise ValueError(
             f"{name} must be one number or have the shape of the rays, {shape}; got {array.shape}"
         ) from None
-    return wp.array(array, dtype=wp.float64, device=device), 1

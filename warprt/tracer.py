@@ -9,15 +9,15 @@ import warp as wp
 from warprt.kernels.cast import make_cast, make_cast_packets, make_occluded, make_occluded_packets, make_spawn
 from warprt.kernels.render import make_render
 from warprt.kernels.spec import Tier
-from warprt.kernels.structs import hit_arrays_struct
 
 from . import checks
+from .all_hits import MOST_HITS, AllHits, Gathering, all_field_names, all_hits, hit_counts
 from .assemble import assemble, assemble_look
 from .camera import Camera
-from .hits import BRIEF, Hits, field_names, field_types, numpy_field
+from .hits import BRIEF, Hits, by_parts, field_names, field_types, hit_arrays
 from .image import Image, output_names
 from .launch import default_threads, launch, launch_packets, load
-from .rays import Rays, as_rays
+from .rays import BYTES, RayPart, Rays, as_directions, as_rays
 from .scene import Scene
 from .typing import Array, ArrayLike
 from .walk import CellWalk, walk_cells
@@ -51,7 +51,8 @@ class Tracer:
     accuracy: "fast" (float32 throughout, nothing promised), "robust" (float32, and float64 where that would cancel;
     watertight), "mixed" (faces are found in float32 and tested in float64) or "double" (float64 throughout).
     device: a Warp device or its name; None is Warp's current device. accelerator: "grid", or "none" to test every
-    primitive. threads: CPU threads, by default WARPRT_THREADS or all cores; results do not depend on them.
+    primitive. threads: CPU threads, by default WARPRT_THREADS or all cores; results do not depend on them. budget:
+    bytes on the device for rays from NumPy and their results; more rays go in parts.
 
     Raises ValueError for an unknown accuracy, accelerator or device, MemoryError for grids that do not fit.
     """
@@ -63,6 +64,7 @@ class Tracer:
         device: str | wp.Device | None = None,
         accelerator: str = "grid",
         threads: int | None = None,
+        budget: int = 1 << 30,
     ):
         if not isinstance(scene, Scene):
             raise ValueError(f"Tracer needs a Scene; got {type(scene).__name__}")
@@ -72,6 +74,7 @@ class Tracer:
         self.device = as_device(device)
         self.threads = default_threads() if threads is None else checks.integer(threads, "threads")
         tier = Tier(accuracy)
+        self.budget = checks.integer(budget, "budget", 1, 2**62)
         self._real = tier.result
         self._device_scene = assemble(scene, tier, self.device, accelerator == "grid")
         self._look: tuple | None = None
@@ -103,26 +106,24 @@ class Tracer:
     ) -> Hits:
         """The closest hit of each ray o + t d with t_min <= t < t_max.
 
-        origins, directions: (..., 3) numbers of any leading shape, which broadcast, or Warp arrays of vec3 or vec3d
-        on the tracer's device; d need not be unit. Limits are one number or one per ray. outputs: "all" or names of
-        `Hits` fields; only those are computed and stored. Rays that are none (NaN, zero direction) miss.
+        origins, directions: (..., 3) numbers of any leading shape, which broadcast, or arrays on the tracer's device:
+        Warp arrays of vec3 or vec3d, or what has `__dlpack__` (PyTorch, CuPy, JAX), which are used where they lie. d
+        need not be unit. Limits are one number or one per ray. outputs: "all" or names of `Hits` fields; only those
+        are computed and stored. Rays that are none (NaN, zero direction) miss.
 
         Raises ValueError for wrong shapes, types or devices, and for sizes outside 1e-100 .. 1e100.
         """
         names = field_names(outputs)
-        self._device_scene.refresh()
-        rays = as_rays(origins, directions, t_min, t_max, self.device)
-        arrays = hit_arrays_struct(self._real)()
-        fields = {}
-        for name in names:
-            fields[name] = wp.empty(rays.count, dtype=field_types(self._real)[name], device=self.device)
-            setattr(arrays, name, fields[name])
+        rays = self._rays(origins, directions, t_min, t_max)
         spec, is_full = self._device_scene.spec, not set(names) <= set(BRIEF)
-        if spec.in_packets and not is_full:
-            self._launch_packets(make_cast_packets(spec), rays, [arrays])
-        else:
-            self._launch(make_cast(spec, is_full), rays, [arrays])
-        return Hits({name: self._result(array, rays) for name, array in fields.items()}, rays, self)
+        in_packets = spec.in_packets and not is_full
+        kernel = make_cast_packets(spec) if in_packets else make_cast(spec, is_full)
+        types = {name: field_types(self._real)[name] for name in names}
+
+        def run(part: RayPart, fields: dict[str, wp.array]) -> None:
+            (self._launch_packets if in_packets else self._launch)(kernel, part, [hit_arrays(self._real, fields)])
+
+        return Hits(by_parts(rays, types, run), rays, self)
 
     def occluded(
         self,
@@ -132,15 +133,45 @@ class Tracer:
         t_max: float | Array = math.inf,
     ) -> Array:
         """(...) bool: whether each ray meets anything with t_min <= t < t_max. Arguments as for `cast`."""
-        self._device_scene.refresh()
-        rays = as_rays(origins, directions, t_min, t_max, self.device)
-        is_occluded = wp.empty(rays.count, dtype=wp.bool, device=self.device)
+        rays = self._rays(origins, directions, t_min, t_max)
         spec = self._device_scene.spec
-        if spec.in_packets:
-            self._launch_packets(make_occluded_packets(spec), rays, [is_occluded])
-        else:
-            self._launch(make_occluded(spec), rays, [is_occluded])
-        return self._result(is_occluded, rays)
+        kernel = make_occluded_packets(spec) if spec.in_packets else make_occluded(spec)
+
+        def run(part: RayPart, fields: dict[str, wp.array]) -> None:
+            (self._launch_packets if spec.in_packets else self._launch)(kernel, part, [fields["occluded"]])
+
+        return by_parts(rays, {"occluded": wp.bool}, run)["occluded"]
+
+    def cast_all(
+        self,
+        origins: ArrayLike | wp.array,
+        directions: ArrayLike | wp.array,
+        t_min: float | Array = 0.0,
+        t_max: float | Array = math.inf,
+        outputs: str | Iterable[str] = "all",
+        max_hits: int | None = None,
+    ) -> AllHits:
+        """All hits of each ray with t_min <= t < t_max, sorted by t, then by instance and primitive.
+
+        Arguments as for `cast`; max_hits: only so many of each ray, the nearest. Where a ray crosses a surface at an
+        edge or vertex, faces of one instance that share it and face the ray the same way count once. A solid shape
+        is hit where a ray enters it and where it leaves.
+
+        Raises ValueError as `cast` does.
+        """
+        names = all_field_names(outputs)
+        most = MOST_HITS if max_hits is None else checks.integer(max_hits, "max_hits")
+        return all_hits(self._rays(origins, directions, t_min, t_max), self._gathering(names, most))
+
+    def count(
+        self,
+        origins: ArrayLike | wp.array,
+        directions: ArrayLike | wp.array,
+        t_min: float | Array = 0.0,
+        t_max: float | Array = math.inf,
+    ) -> Array:
+        """(...) int32: how many hits each ray has, as `cast_all` counts them. Arguments as for `cast`."""
+        return hit_counts(self._rays(origins, directions, t_min, t_max), self._gathering((), MOST_HITS))
 
     def walk(self, origin: ArrayLike, direction: ArrayLike) -> CellWalk:
         """The cells of mesh grids that one ray pierces up to its hit, instance by instance, in order."""
@@ -233,30 +264,33 @@ class Tracer:
             raise ValueError(f"size must be less than 2^31 pixels in all; got {width} x {height}")
         return width, height
 
-    def _launch(self, kernel: wp.Kernel, rays: Rays, arguments: list) -> None:
-        inputs = [self._device_scene.struct, rays.struct, *arguments]
-        launch(kernel, rays.count, inputs, self.device, self.threads)
+    def _rays(self, origins, directions, t_min, t_max) -> Rays:
+        """The rays as they are given, for the scene as it now is."""
+        self._device_scene.refresh()
+        return as_rays(origins, directions, t_min, t_max, self.device, max(1, self.budget // BYTES))
 
-    def _launch_packets(self, kernel: wp.Kernel, rays: Rays, arguments: list) -> None:
-        inputs = [self._device_scene.struct, rays.struct, *arguments]
-        launch_packets(kernel, rays.count, inputs, self.device, self.threads)
+    def _gathering(self, names: tuple[str, ...], most: int) -> Gathering:
+        return Gathering(self._device_scene, names, most, self.threads)
 
-    def _result(self, array: wp.array, rays: Rays) -> Array:
-        return array.reshape(rays.shape) if rays.is_device_array else numpy_field(array, rays.shape)
+    def _launch(self, kernel: wp.Kernel, part: RayPart, arguments: list) -> None:
+        inputs = [self._device_scene.struct, part.struct, *arguments]
+        launch(kernel, part.count, inputs, self.device, self.threads)
+
+    def _launch_packets(self, kernel: wp.Kernel, part: RayPart, arguments: list) -> None:
+        inputs = [self._device_scene.struct, part.struct, *arguments]
+        launch_packets(kernel, part.count, inputs, self.device, self.threads)
 
     def _spawn(self, rays: Rays, directions) -> tuple[Array, Array]:
-        if isinstance(directions, wp.array):
-            if directions.shape != rays.shape or directions.dtype not in (wp.vec3f, wp.vec3d):
-                raise ValueError(f"directions must be vec3 or vec3d of shape {rays.shape}; got {directions.shape}")
-            wide = wp.empty(rays.count, dtype=wp.vec3d, device=self.device)
-            wp.utils.array_cast(directions.flatten(), wide)
-        else:
-            given = checks.real_array(directions, "directions")
-            try:
-                spread = np.broadcast_to(given, (*rays.shape, 3))
-            except ValueError:
-                raise ValueError(f"directions must have shape {(*rays.shape, 3)}; got {np.shape(directions)}") from None
-            wide = wp.array(np.ascontiguousarray(spread).reshape(-1, 3), dtype=wp.vec3d, device=self.device)
-        origins = wp.empty(rays.count, dtype=wp.vec3d, device=self.device)
-        self._launch(make_spawn(self._device_scene.spec), rays, [wide, origins])
-        return self._result(origins, rays), self._result(wide, rays)
+        away = as_directions(directions, rays)
+        kernel = make_spawn(self._device_scene.spec)
+
+        def run(part: RayPart, fields: dict[str, wp.array]) -> None:
+            rows = slice(part.first, part.first + part.count)
+            if isinstance(away, wp.array):
+                wp.utils.array_cast(away, fields["direction"])
+            else:
+                fields["direction"].assign(np.ascontiguousarray(away[rows], dtype=np.float64))
+            self._launch(kernel, part, [fields["direction"], fields["origin"]])
+
+        found = by_parts(rays, {"origin": wp.vec3d, "direction": wp.vec3d}, run)
+        return found["origin"], found["direction"]

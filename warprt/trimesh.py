@@ -1,0 +1,203 @@
+"""Ray queries of trimesh answered by warprt: a class that stands in for `trimesh.ray.ray_pyembree.RayMeshIntersector`.
+
+    mesh.ray = warprt.trimesh.RayMeshIntersector(mesh)    # for one mesh
+    warprt.trimesh.install()                              # for every mesh made from now on, until uninstall()
+    with warprt.trimesh.install(accuracy="double"): ...   # for every mesh made within
+"""
+
+import functools
+
+import numpy as np
+import trimesh
+import warp as wp
+from trimesh.caching import Cache, cache_decorator
+from trimesh.ray.ray_util import contains_points
+
+from . import checks
+from .mesh import Mesh
+from .scene import Scene
+from .tracer import TIERS, Tracer, as_device, choice
+from .typing import ArrayLike
+
+Ids = np.ndarray
+GRAZING = 1e-6
+"""Sine of the angle between a ray and a face from which on the point comes from t, and not from the plane."""
+
+
+class RayMeshIntersector:
+    """Rays against a trimesh.Trimesh; methods, their arguments and their results are those of trimesh's own class.
+
+    accuracy, device, threads: as for `warprt.Tracer`. scale_to_box is accepted, and not needed. The mesh is followed
+    when it changes; copies and pickles leave behind what lies on the device. Points are float64 in every accuracy.
+
+    Results come hit by hit: all first hits by ray, then all second hits, and so on. A surface that a ray crosses at an
+    edge or a vertex counts once.
+    """
+
+    def __init__(
+        self,
+        geometry: trimesh.Trimesh,
+        scale_to_box: bool = True,
+        accuracy: str = "robust",
+        device: str | wp.Device | None = None,
+        threads: int | None = None,
+    ):
+        if not isinstance(geometry, trimesh.Trimesh):
+            raise ValueError(f"RayMeshIntersector needs a trimesh.Trimesh; got {type(geometry).__name__}")
+        self.mesh = geometry
+        self._options = {
+            "scale_to_box": scale_to_box,
+            "accuracy": choice(accuracy, TIERS, "accuracy"),
+            "device": None if device is None else as_device(device).alias,
+            "threads": threads,
+        }
+        self._cache = Cache(id_function=self.mesh.__hash__)
+
+    def __repr__(self) -> str:
+        return f"RayMeshIntersector({len(self.mesh.faces)} faces, {self._options['accuracy']})"
+
+    def __getstate__(self):
+        return {name: value for name, value in self.__dict__.items() if name != "_cache"}
+
+    def __setstate__(self, state):
+        self.__dict__.update(state, _cache=Cache(id_function=state["mesh"].__hash__))
+
+    def __copy__(self):
+        return RayMeshIntersector(self.mesh, **self._options)
+
+    def __deepcopy__(self, memo):
+        return self.__copy__()
+
+    @cache_decorator
+    def _tracer(self) -> Tracer | None:
+        """None for a mesh without faces, which no ray meets."""
+        if len(self.mesh.faces) == 0:
+            return None
+        options = {name: value for name, value in self._options.items() if name != "scale_to_box"}
+        return Tracer(Scene([Mesh(self.mesh.vertices, self.mesh.faces)]), **options)
+
+    def intersects_id(
+        self,
+        ray_origins: ArrayLike,
+        ray_directions: ArrayLike,
+        multiple_hits: bool = True,
+        max_hits: int = 100,
+        return_locations: bool = False,
+    ) -> tuple[Ids, Ids] | tuple[Ids, Ids, np.ndarray]:
+        """(index_tri, index_ray), (m,) int64 each, and, if they are asked for, points (m, 3) float64.
+
+        ray_origins, ray_directions: (n, 3) each. multiple_hits: all hits, at most max_hits of a ray; else the first.
+        Raises ValueError for other shapes.
+        """
+        origins, directions = _rays(ray_origins, ray_directions)
+        most = checks.integer(max_hits, "max_hits") if multiple_hits else 1
+        ray, face, t = self._hits(origins, directions, most)
+        if not return_locations:
+            return face, ray
+        return face, ray, self._points(origins[ray], directions[ray], face, t)
+
+    def intersects_location(
+        self, ray_origins: ArrayLike, ray_directions: ArrayLike, multiple_hits: bool = True, **kwargs
+    ) -> tuple[np.ndarray, Ids, Ids]:
+        """(points (m, 3) float64, index_ray (m,), index_tri (m,)); arguments as for `intersects_id`."""
+        kwargs |= {"multiple_hits": multiple_hits, "return_locations": True}
+        index_tri, index_ray, points = self.intersects_id(ray_origins, ray_directions, **kwargs)
+        return points, index_ray, index_tri
+
+    def intersects_first(self, ray_origins: ArrayLike, ray_directions: ArrayLike) -> Ids:
+        """(n,) int32: the face that each ray hits first, -1 where it misses."""
+        origins, directions = _rays(ray_origins, ray_directions)
+        if self._tracer is None:
+            return np.full(len(origins), -1, dtype=np.int32)
+        return self._tracer.cast(origins, directions, outputs="primitive_id").primitive_id
+
+    def intersects_any(self, ray_origins: ArrayLike, ray_directions: ArrayLike) -> np.ndarray:
+        """(n,) bool: whether each ray hits anything."""
+        origins, directions = _rays(ray_origins, ray_directions)
+        if self._tracer is None:
+            return np.zeros(len(origins), dtype=bool)
+        return self._tracer.occluded(origins, directions)
+
+    def contains_points(self, points: ArrayLike) -> np.ndarray:
+        """(n,) bool: whether points (n, 3) lie within the mesh, by the parity of hits; undefined on the surface."""
+        return contains_points(self, points)
+
+    def _hits(self, origins: np.ndarray, directions: np.ndarray, most: int) -> tuple[Ids, Ids, np.ndarray]:
+        """(ray, face, t) of all hits, first hits first."""
+        if self._tracer is None:
+            return np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0)
+        if most == 1:
+            hits = self._tracer.cast(origins, directions, outputs=("hit", "t", "primitive_id"))
+            ray = np.flatnonzero(hits.hit)
+            return ray, hits.primitive_id[ray].astype(np.int64), hits.t[ray]
+        hits = self._tracer.cast_all(origins, directions, outputs=("t", "primitive_id"), max_hits=most)
+        ray = hits.ray_id
+        number = np.arange(len(ray)) - hits.offsets[ray]
+        # Small integers, for which a stable sort goes by their digits.
+        order = np.argsort(number.astype(np.uint16 if most < 2**16 else np.int64), kind="stable")
+        return ray[order], hits.primitive_id[order].astype(np.int64), hits.t[order]
+
+    def _points(self, origins: np.ndarray, directions: np.ndarray, face: Ids, t: np.ndarray) -> np.ndarray:
+        """(m, 3) where rays meet the planes of faces, in float64; by t where they run almost in the plane."""
+        corner = self.mesh.vertices.view(np.ndarray)[self.mesh.faces.view(np.ndarray)[face, 0]]
+        normal = self.mesh.face_normals.view(np.ndarray)[face]
+        speed = np.einsum("ij,ij->i", normal, directions)
+        is_grazing = ~(np.abs(speed) > GRAZING * np.linalg.norm(directions, axis=1))
+        with np.errstate(divide="ignore", invalid="ignore"):
+            along = np.einsum("ij,ij->i", normal, corner - origins) / speed
+        return origins + np.where(is_grazing, t, along)[:, None] * directions
+
+
+def _rays(origins: ArrayLike, directions: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
+    """(n, 3) float64 each."""
+    origins = np.asarray(origins, dtype=np.float64)
+    directions = np.asarray(directions, dtype=np.float64)
+    if origins.shape != directions.shape:
+        raise ValueError(f"ray origins and directions don't match: {origins.shape} and {directions.shape}")
+    if origins.ndim != 2 or origins.shape[1] != 3:
+        if origins.size == 0:
+            return np.zeros((0, 3)), np.zeros((0, 3))
+        raise ValueError(f"ray origins and directions must have shape (n, 3); got {origins.shape}")
+    return origins, directions
+
+
+class Installation:
+    """What `install` has put in place; as a context manager it is undone at the end."""
+
+    def __enter__(self) -> "Installation":
+        return self
+
+    def __exit__(self, *exception) -> None:
+        uninstall()
+
+
+_replaced: list[dict] = []
+"""For each installation that has not been undone, the classes that it replaced, by their modules."""
+
+
+def install(
+    accuracy: str = "robust", device: str | wp.Device | None = None, threads: int | None = None
+) -> Installation:
+    """Makes every trimesh.Trimesh that is made from now on answer ray queries by `RayMeshIntersector`.
+
+    Meshes that exist keep what they have. Both of trimesh's engines are replaced, so it does not matter whether embreex
+    is installed or a mesh was told to use it. Raises ValueError for an unknown accuracy or device.
+    """
+    choice(accuracy, TIERS, "accuracy")
+    alias = None if device is None else as_device(device).alias
+    modules = [trimesh.ray.ray_triangle]
+    if trimesh.ray.has_embree:
+        modules.append(trimesh.ray.ray_pyembree)
+    _replaced.append({module: module.RayMeshIntersector for module in modules})
+    for module in modules:
+        module.RayMeshIntersector = functools.partial(
+            RayMeshIntersector, accuracy=accuracy, device=alias, threads=threads
+        )
+    return Installation()
+
+
+def uninstall() -> None:
+    """Undoes the last `install`; without one it does nothing."""
+    if _replaced:
+        for module, intersector in _replaced.pop().items():
+            module.RayMeshIntersector = intersector
