@@ -36,7 +36,7 @@ def tasks_struct(wide):
             "first_ray": wp.int32,  # what is stored by ray begins with that of this one
             "first": wp.array(dtype=wp.int32),  # [tasks + 1]  task k has crossed[first[k]] .. crossed[first[k + 1] - 1]
             "crossed": wp.array(dtype=crossed_struct(wide)),
-            "count": wp.array(dtype=wp.int32),  # [tasks]  hits met, which may be more than there is room for
+            "count": wp.array(dtype=wp.int32),  # [tasks]  hits gathered, or, if that is more, the room that they need
         },
     )
 
@@ -64,7 +64,8 @@ def make_gather_all(spec: Spec):
         gathered.t = up_to_t_max(t_max)
         gathered.room = tasks.first[task + 1] - tasks.first[task]
         gathered.room_at = address(tasks.crossed, tasks.first[task])
-        tasks.count[task] = search(scene, o, d, t_min, t_max, gathered).count
+        gathered = search(scene, o, d, t_min, t_max, gathered)
+        tasks.count[task] = wp.where(gathered.count > gathered.room, gathered.met, gathered.count)
 
     return gather_all
 

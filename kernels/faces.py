@@ -87,6 +87,7 @@ def make_gather(tier: Tier):
     Gathered, Crossed, in_range = gathered_struct(wide), crossed_struct(wide), make_in_range(tier)
 
     @wp.func_native("""
+        ++gathered.met;
         auto* held = (decltype(&crossed))(size_t)gathered.room_at;
         const int known = gathered.count < gathered.room ? gathered.count : gathered.room;
         for (int k = known > 8 ? known - 8 : 0; k < known; ++k) {
@@ -94,7 +95,7 @@ def make_gather(tier: Tier):
             if (is_same && held[k].t == crossed.t) return;
         }
         if (gathered.count < gathered.room) held[known] = crossed;
-        ++gathered.count;
+        gathered.count = known + 1;
     """)
     def hold(gathered: wp.ref[Gathered], crossed: wp.ref[Crossed]): ...
 

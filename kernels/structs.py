@@ -222,7 +222,8 @@ def gathered_struct(wide):
         "Gathered",
         {
             "t": wide,  # the end of the ray
-            "count": wp.int32,  # also of those for which there is no room
+            "met": wp.int32,  # how many, some of them twice
+            "count": wp.int32,  # how many are held; room + 1 if there were more
             "room": wp.int32,  # for how many of them there is
             "room_at": wp.uint64,  # an address, not an array: this struct is handed from function to function
         },

@@ -9,6 +9,7 @@ import warp as wp
 
 import warprt as rt
 from warprt.kernels.cast import make_load_ray
+from warprt.kernels.spec import Search
 from warprt.kernels.structs import rays_struct, scene_struct
 from warprt.kernels.trace import make_primitive_id, make_trace
 from warprt.rays import as_rays

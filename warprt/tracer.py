@@ -39,7 +39,7 @@ def as_device(device: str | wp.Device | None) -> wp.Device:
         raise ValueError(f"device {device!r} is not available here; there is {names}") from None
 
 
-def _choice(value: str, choices: Iterable[str], name: str) -> str:
+def choice(value: str, choices: Iterable[str], name: str) -> str:
     if value not in tuple(choices):
         raise ValueError(f"{name} must be one of {', '.join(choices)}; got {value!r}")
     return value
@@ -69,8 +69,8 @@ class Tracer:
         if not isinstance(scene, Scene):
             raise ValueError(f"Tracer needs a Scene; got {type(scene).__name__}")
         self.scene = scene
-        self.accuracy = _choice(accuracy, TIERS, "accuracy")
-        self.accelerator = _choice(accelerator, ACCELERATORS, "accelerator")
+        self.accuracy = choice(accuracy, TIERS, "accuracy")
+        self.accelerator = choice(accelerator, ACCELERATORS, "accelerator")
         self.device = as_device(device)
         self.threads = default_threads() if threads is None else checks.integer(threads, "threads")
         tier = Tier(accuracy)
