@@ -122,7 +122,7 @@ def test_sky_and_other_lights(folder):
         pytest.param("camera { position = (0, 5, 0); }", "1:1", "parallel", id="camera"),
         pytest.param('triangle_mesh { file = "none.ply"; }', "1:1", "there is no file", id="missing mesh"),
         pytest.param("triangle_mesh { file = bunny; }", "1:1", "string", id="file not quoted"),
-        pytest.param('triangle_mesh { file = "bunny.off"; grid_resolution = (8, 8); }', "1:1", "three", id="two"),
+        pytest.param('triangle_mesh { file = "bunny.off"; grid_resolution = (8, 8); }', "1:1", "3 whole", id="two"),
         pytest.param(
             'triangle_mesh { file = "bunny.off"; grid_resolution = (1e999, 1, 1); }', "1:1", "whole", id="inf"
         ),
