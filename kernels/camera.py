@@ -25,15 +25,17 @@ def ray_orthographic(camera: Orthographic, column: wp.float64, row: wp.float64):
 
 @wp.func
 def ray_fisheye(camera: Fisheye, column: wp.float64, row: wp.float64):
-    """The picture is a plane of angles: `limit` or less from its centre, or the direction is 0."""
-    turn = camera.corner + column * camera.right + row * camera.down
-    theta = wp.length(turn)
-    if theta > camera.limit:
+    """The distance from the picture's centre is the angle from `forward`; outside the circle the direction is 0."""
+    half = wp.float64(0.5)
+    x, y = column - half * wp.float64(camera.width), half * wp.float64(camera.height) - row
+    # Without rounding under the root, so that pixels alike to the circle are all inside, or none.
+    r = wp.sqrt(x * x + y * y)
+    if r > half * wp.float64(camera.height):
         return camera.position, wp.vec3d()
-    ratio = wp.float64(1.0)
-    if theta > wp.float64(0.0):
-        ratio = wp.sin(theta) / theta
-    return camera.position, wp.cos(theta) * camera.forward + ratio * turn
+    theta, ratio = r * camera.along, wp.float64(0.0)
+    if r > wp.float64(0.0):
+        ratio = wp.sin(theta) / r
+    return camera.position, wp.cos(theta) * camera.forward + ratio * (x * camera.right + y * camera.up)
 
 
 @wp.func

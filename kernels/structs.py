@@ -292,8 +292,8 @@ def camera_struct(projection: Projection):
     fields = {
         Projection.PINHOLE: {"position": wp.vec3d, **plane},
         Projection.ORTHOGRAPHIC: {"forward": wp.vec3d, **plane},
-        Projection.FISHEYE: {"position": wp.vec3d, "forward": wp.vec3d, "limit": WIDE, **plane},  # largest angle seen
-        Projection.EQUIRECTANGULAR: {**frame, "across": WIDE, "along": WIDE},  # radians that one pixel spans
+        Projection.FISHEYE: {**frame, "along": WIDE},  # radians that one pixel spans
+        Projection.EQUIRECTANGULAR: {**frame, "across": WIDE, "along": WIDE},  # to the right, and down
     }
     return make_struct("Camera", {**fields[projection], "width": wp.int32, "height": wp.int32})
 

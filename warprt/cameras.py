@@ -71,8 +71,8 @@ class FisheyeCamera(View):
 
     theta = r fov / h at r pixels from the centre of a picture of height h (r = f theta; Kannala & Brandt 2006, eq. 3):
     `fov_deg`, at most 360, is the full angle of the circle that touches the top and the bottom of the picture. Outside
-    the circle nothing is seen: `rays` gives the direction (0, 0, 0), which misses, and pictures are black there,
-    whatever the background.
+    the circle, where r > h / 2, nothing is seen: `rays` gives the direction (0, 0, 0), which misses, and pictures are
+    black, whatever the background.
 
     Raises ValueError when the view has no direction, `up` is parallel to it, or the angle is not in (0, 360].
     """
@@ -86,37 +86,27 @@ class FisheyeCamera(View):
         if not 0 < self.fov_deg <= 360:
             raise ValueError(f"FisheyeCamera fov_deg must be positive and at most 360; got {self.fov_deg}")
 
-    def pixel_steps(self, width: int, height: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """(corner, right, down): radians by which the view turns towards the top left corner, and one pixel further."""
-        right, up, _ = self.frame()
-        pixel = math.radians(self.fov_deg) / height
-        corner = (pixel * height / 2) * up - (pixel * width / 2) * right
-        return corner, pixel * right, -pixel * up
-
     def rays(self, width: int, height: int) -> tuple[np.ndarray, np.ndarray]:
         """(origins, directions) through the pixel centres, each (height, width, 3) float64; row 0 is on top.
 
         Directions are unit, or 0 outside the circle.
         """
         columns, rows = pixel_centers(width, height)
-        corner, right, down = self.pixel_steps(width, height)
-        turn = corner + columns * right + rows * down
-        theta = np.linalg.norm(turn, axis=-1, keepdims=True)
-        ratio = np.divide(np.sin(theta), theta, where=theta > 0, out=np.ones_like(theta))
-        directions = np.cos(theta) * self.frame()[2] + ratio * turn
+        right, up, forward = self.frame()
+        x, y = columns - 0.5 * width, 0.5 * height - rows
+        r = np.sqrt(x * x + y * y)
+        theta = r * (math.radians(self.fov_deg) / height)
+        ratio = np.divide(np.sin(theta), r, where=r > 0, out=np.zeros_like(r))
+        directions = np.cos(theta) * forward + ratio * (x * right + y * up)
         directions /= np.linalg.norm(directions, axis=-1, keepdims=True)
-        directions[theta[..., 0] > self._limit] = 0
+        directions[r[..., 0] > 0.5 * height] = 0
         return np.broadcast_to(self.position, directions.shape).copy(), directions
 
     def struct(self, width: int, height: int):
         """The camera as kernels take it."""
-        corner, right, down = self.pixel_steps(width, height)
-        fields = {"position": self.position, "forward": self.frame()[2], "limit": self._limit}
-        return filled_struct(self.projection, width, height, **fields, corner=corner, right=right, down=down)
-
-    @property
-    def _limit(self) -> float:
-        return math.radians(self.fov_deg) / 2
+        right, up, forward = self.frame()
+        fields = {"position": self.position, "right": right, "up": up, "forward": forward}
+        return filled_struct(self.projection, width, height, **fields, along=math.radians(self.fov_deg) / height)
 
 
 @dataclass(frozen=True, eq=False)
