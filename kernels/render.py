@@ -4,18 +4,17 @@ from functools import cache
 
 import warp as wp
 
-from .camera import primary_direction, sample_position
+from .camera import PRIMARY_RAY, sample_position
 from .shade import make_radiance
-from .spec import Look
+from .spec import Look, Projection
 from .structs import camera_struct, look_struct, scene_struct, vec3
-
-Camera = camera_struct()
 
 
 @cache
-def make_render(look: Look):
-    """Mean colour of each pixel over its samples, row by row from the top."""
-    Scene, Lights = scene_struct(look.spec), look_struct(look)
+def make_render(look: Look, projection: Projection = Projection.PINHOLE):
+    """Mean colour of each pixel over its samples, row by row from the top; of one projection, no other is there."""
+    Scene, Lights, Camera = scene_struct(look.spec), look_struct(look), camera_struct(projection)
+    primary_ray, is_round = PRIMARY_RAY[projection], projection is Projection.FISHEYE
     radiance, vec = make_radiance(look), vec3(look.spec.tier.wide)
 
     @wp.kernel(module="unique", enable_backward=False, module_options=look.spec.tier.options)
@@ -33,8 +32,13 @@ def make_render(look: Look):
         total = wp.vec3f()
         for k in range(samples):
             x, y = sample_position(k)
-            d = primary_direction(camera, column + x, row + y)
-            total += radiance(scene, lights, vec(camera.position), vec(d), max_bounces)
+            o, d = primary_ray(camera, column + x, row + y)
+            if wp.static(is_round):
+                # Outside the circle nothing is seen, not even the background.
+                if wp.length_sq(d) > wp.float64(0.0):
+                    total += radiance(scene, lights, vec(o), vec(d), max_bounces)
+            else:
+                total += radiance(scene, lights, vec(o), vec(d), max_bounces)
         color[pixel] = total / wp.float32(samples)
 
     return render

@@ -17,6 +17,15 @@ class ShapeKind(IntEnum):
     MESH = 3
 
 
+class Projection(Enum):
+    """How a camera's picture lies on its rays."""
+
+    PINHOLE = "pinhole"
+    ORTHOGRAPHIC = "orthographic"
+    FISHEYE = "fisheye"
+    EQUIRECTANGULAR = "equirectangular"
+
+
 class Tier(Enum):
     """Accuracy: which arithmetic each part of a trace is in. The values are the names that users know."""
 

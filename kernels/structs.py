@@ -4,7 +4,7 @@ from functools import cache
 
 import warp as wp
 
-from .spec import Look, Search, Spec, Tier
+from .spec import Look, Projection, Search, Spec, Tier
 
 WIDE = wp.float64
 """Arithmetic in which structures are built, cameras aim and limits are stored, whatever the tier."""
@@ -313,19 +313,21 @@ def hit_arrays_struct(real):
 
 
 @cache
-def camera_struct():
-    """Pinhole: a pixel's direction is corner + column * right + row * down."""
-    return make_struct(
-        "Camera",
-        {
-            "position": wp.vec3d,
-            "corner": wp.vec3d,  # direction to the top left corner of the picture
-            "right": wp.vec3d,  # one pixel to the right
-            "down": wp.vec3d,  # one pixel down
-            "width": wp.int32,
-            "height": wp.int32,
-        },
-    )
+def camera_struct(projection: Projection):
+    """A camera for pictures of one size. What a column and a row mean is said in camera.py."""
+    plane = {
+        "corner": wp.vec3d,  # the top left corner of the picture
+        "right": wp.vec3d,  # one pixel to the right
+        "down": wp.vec3d,  # one pixel down
+    }
+    frame = {"position": wp.vec3d, "right": wp.vec3d, "up": wp.vec3d, "forward": wp.vec3d}  # vectors of length 1
+    fields = {
+        Projection.PINHOLE: {"position": wp.vec3d, **plane},
+        Projection.ORTHOGRAPHIC: {"forward": wp.vec3d, **plane},
+        Projection.FISHEYE: {**frame, "along": WIDE},  # radians that one pixel spans
+        Projection.EQUIRECTANGULAR: {**frame, "across": WIDE, "along": WIDE},  # to the right, and down
+    }
+    return make_struct("Camera", {**fields[projection], "width": wp.int32, "height": wp.int32})
 
 
 @cache

@@ -94,6 +94,25 @@ def test_sky_and_other_lights(folder):
     assert {type(light) for light in scene.lights} == {rt.AmbientLight, rt.DirectionalLight}
 
 
+def test_other_cameras(folder):
+    place = "position = (1, 2, 3); target = (0, 0, 1); up = (0, 0, 1);"
+    pose = (1, 2, 3), (0, 0, 1), (0, 0, 1)
+    rotation = "1, 0, 0, 0, 0, 0, 1, 0, 0, -1, 0, 0, 4, 5, 6, 1"
+    extrinsic = [(1, 0, 0, 4), (0, 0, -1, 5), (0, 1, 0, 6), (0, 0, 0, 1)]
+    for text, expected in {
+        f"orthographic_camera {{ {place} height = 5; }}": rt.OrthographicCamera(*pose, height=5),
+        f"fisheye_camera {{ {place} fov = 200; }}": rt.FisheyeCamera(*pose, fov_deg=200),
+        f"equirectangular_camera {{ {place} }}": rt.EquirectangularCamera(*pose),
+        f"matrix_camera {{ intrinsic = (9, 0, 0, 1, 8, 0, 3, 2, 1); extrinsic = ({rotation}); size = (6, 4); }}": (
+            rt.MatrixCamera([(9, 1, 3), (0, 8, 2), (0, 0, 1)], extrinsic, (6, 4))
+        ),
+    }.items():
+        camera = load(folder, text).camera
+        assert type(camera) is type(expected)
+        for found, wanted in zip(camera.rays(6, 4), expected.rays(6, 4), strict=True):
+            np.testing.assert_array_equal(found, wanted)
+
+
 @pytest.mark.parametrize(
     "text, place, words",
     [
@@ -120,9 +139,14 @@ def test_sky_and_other_lights(folder):
         pytest.param("sphere s {} geometry_instance { geometry = s; spin = 4; }", "1:47", "no 'spin'", id="spin"),
         pytest.param("sphere s {} geometry_instance { geometry = s; transform = (1, 2); }", "1:47", "16", id="not 16"),
         pytest.param("camera { position = (0, 5, 0); }", "1:1", "parallel", id="camera"),
+        pytest.param("orthographic_camera { fov = 4; }", "1:1", "has position, target, up, height", id="fov"),
+        pytest.param("fisheye_camera { position = (0, 0, 5); fov = 400; }", "1:1", "at most 360", id="fisheye"),
+        pytest.param(
+            "matrix_camera { intrinsic = 1; extrinsic = 2; size = (6, 4); }", "1:1", "of 9 and", id="no matrices"
+        ),
         pytest.param('triangle_mesh { file = "none.ply"; }', "1:1", "there is no file", id="missing mesh"),
         pytest.param("triangle_mesh { file = bunny; }", "1:1", "string", id="file not quoted"),
-        pytest.param('triangle_mesh { file = "bunny.off"; grid_resolution = (8, 8); }', "1:1", "three", id="two"),
+        pytest.param('triangle_mesh { file = "bunny.off"; grid_resolution = (8, 8); }', "1:1", "3 whole", id="two"),
         pytest.param(
             'triangle_mesh { file = "bunny.off"; grid_resolution = (1e999, 1, 1); }', "1:1", "whole", id="inf"
         ),
@@ -141,6 +165,8 @@ def test_error_names_file_line_and_column(folder, text, place, words):
 def test_two_cameras_are_an_error(folder):
     with pytest.raises(ValueError, match="at most one camera"):
         load(folder, "camera { position = (0, 1, 5); } camera { position = (0, 2, 5); }")
+    with pytest.raises(ValueError, match="at most one camera"):
+        load(folder, "camera { position = (0, 1, 5); } fisheye_camera { position = (0, 2, 5); }")
 
 
 def test_binary_file_is_an_error(folder):

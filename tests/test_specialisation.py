@@ -11,7 +11,7 @@ import warp as wp
 import warprt as rt
 from warprt.kernels.cast import make_cast, make_cast_packets, make_occluded, make_occluded_packets, make_spawn
 from warprt.kernels.render import make_render
-from warprt.kernels.spec import Look, ShapeKind, Spec, Tier
+from warprt.kernels.spec import Look, Projection, ShapeKind, Spec, Tier
 from warprt.kernels.walk import make_walk_cells
 
 WORDS = {
@@ -69,6 +69,16 @@ def test_absent_features_of_shading_leave_no_code_behind(feature, tmp_path):
             assert (word in text) == (name == feature)
 
 
+@pytest.mark.parametrize("projection", list(Projection))
+def test_absent_projections_leave_no_code_behind(projection, tmp_path):
+    look = Look(Spec(Tier.ROBUST, frozenset(), instance_grid=False))
+    text = source(make_render(look, projection), tmp_path, device="cpu")
+    for other in Projection:
+        assert (f"ray_{other.value}" in text) == (other == projection)
+    is_plane = projection in (Projection.PINHOLE, Projection.ORTHOGRAPHIC)
+    assert ("wp::sin(" in text) == ("forward" in text and not is_plane) == (not is_plane)
+
+
 def test_equal_specs_share_a_kernel():
     specs = [Spec(Tier.ROBUST, frozenset([ShapeKind.BOX, ShapeKind.MESH])) for _ in range(2)]
     assert make_cast(specs[0], True) is make_cast(specs[1], True)
@@ -92,6 +102,8 @@ KERNELS = {
     "packets": lambda: make_cast_packets(MESHES),
     "occluded packets": lambda: make_occluded_packets(MESHES),
 }
+for p in (Projection.ORTHOGRAPHIC, Projection.FISHEYE, Projection.EQUIRECTANGULAR):
+    KERNELS[f"render {p.value}"] = lambda p=p: make_render(Look(replace(ALL, shapes=frozenset())), p)
 for t in (Tier.FAST, Tier.MIXED, Tier.DOUBLE):
     KERNELS[f"cast {t.value}"] = lambda t=t: make_cast(replace(ALL, tier=t), True)
     KERNELS[f"packets {t.value}"] = lambda t=t: make_cast_packets(replace(MESHES, tier=t))

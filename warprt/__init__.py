@@ -10,6 +10,9 @@ from ._version import __version__ as __version__
 from .audit import Audit as Audit
 from .audit import audit as audit
 from .camera import Camera as Camera
+from .cameras import EquirectangularCamera as EquirectangularCamera
+from .cameras import FisheyeCamera as FisheyeCamera
+from .cameras import OrthographicCamera as OrthographicCamera
 from .hits import Hits as Hits
 from .image import Image as Image
 from .lights import AmbientLight as AmbientLight
@@ -17,6 +20,7 @@ from .lights import DirectionalLight as DirectionalLight
 from .lights import GradientSky as GradientSky
 from .lights import PointLight as PointLight
 from .materials import Material as Material
+from .matrix_camera import MatrixCamera as MatrixCamera
 from .measure import Measured as Measured
 from .measure import measure as measure
 from .mesh import Mesh as Mesh

@@ -11,8 +11,10 @@ import lark
 import numpy as np
 
 from .camera import Camera
+from .cameras import EquirectangularCamera, FisheyeCamera, OrthographicCamera
 from .lights import AmbientLight, DirectionalLight, GradientSky, PointLight
 from .materials import Material
+from .matrix_camera import MatrixCamera
 from .mesh import Mesh
 from .scene import Instance, Scene
 from .shapes import Box, Plane, Sphere
@@ -132,7 +134,7 @@ def read_cfg(path: str | Path) -> Scene:
     """The scene that a .cfg file describes.
 
     A named shape is a definition, drawn only through a geometry_instance; an unnamed one is drawn. The statements
-    of an instance act in the order written; a transform of 16 numbers is column-major. A mesh is put into the unit
+    of an instance act in the order written; matrices are column-major. A mesh is put into the unit
     cube unless `unit_cube = false`. Mesh files are relative to the .cfg.
 
     Raises ValueError, or FileNotFoundError for a mesh file, that begins with FILE:LINE:COLUMN.
@@ -171,13 +173,14 @@ class _Reader:
                     objects.append(self._instance(block))
                 elif block.kind in _SHAPES and block.name is None:
                     objects.append(self._shape(block))
-        for kind in ("camera", "background"):
-            if len(settings[kind]) > 1:
+        cameras = [camera for kind in _CAMERAS for camera in settings[kind]]
+        for kind, values in (("camera", cameras), ("background", settings["background"])):
+            if len(values) > 1:
                 raise ValueError(f"{self.path}: there must be at most one {kind} block")
         return Scene(
             objects,
             lights=[*settings["point_light"], *settings["directional_light"], *settings["ambient_light"]],
-            camera=settings["camera"][0] if settings["camera"] else None,
+            camera=cameras[0] if cameras else None,
             background=settings["background"][0] if settings["background"] else (0, 0, 0),
         )
 
@@ -295,14 +298,14 @@ def _mesh(file, folder, grid_acceleration=True, grid_resolution=None, unit_cube=
         raise ValueError(f'file must be a "string"; got {file!r}')
     grid = None
     if grid_acceleration:
-        grid = "auto" if grid_resolution is None else _whole(grid_resolution)
+        grid = "auto" if grid_resolution is None else _whole(grid_resolution, "grid_resolution", 3)
     mesh = Mesh.from_file(folder / file, grid=grid)
     return mesh.fit_unit_cube() if unit_cube else mesh
 
 
-def _whole(values) -> tuple:
-    if np.shape(values) != (3,) or not all(value.is_integer() for value in values):
-        raise ValueError(f"grid_resolution must be three whole numbers; got {values!r}")
+def _whole(values, name: str, count: int) -> tuple:
+    if np.shape(values) != (count,) or not all(value.is_integer() for value in values):
+        raise ValueError(f"{name} must be {count} whole numbers; got {values!r}")
     return tuple(int(value) for value in values)
 
 
@@ -311,6 +314,24 @@ _SHAPES = {"sphere": _sphere, "axis_aligned_box": _box, "plane": _plane, "triang
 
 def _camera(position, target=(0.0, 0.0, 0.0), up=(0.0, 1.0, 0.0), fov=45.0):
     return Camera(position, target, up, fov)
+
+
+def _orthographic_camera(position, target=(0.0, 0.0, 0.0), up=(0.0, 1.0, 0.0), height=2.0):
+    return OrthographicCamera(position, target, up, height)
+
+
+def _fisheye_camera(position, target=(0.0, 0.0, 0.0), up=(0.0, 1.0, 0.0), fov=180.0):
+    return FisheyeCamera(position, target, up, fov)
+
+
+def _equirectangular_camera(position, target=(0.0, 0.0, 0.0), up=(0.0, 1.0, 0.0)):
+    return EquirectangularCamera(position, target, up)
+
+
+def _matrix_camera(intrinsic, extrinsic, size):
+    if np.shape(intrinsic) != (9,) or np.shape(extrinsic) != (16,):
+        raise ValueError("matrix_camera needs an intrinsic of 9 and an extrinsic of 16 numbers, column by column")
+    return MatrixCamera(np.reshape(intrinsic, (3, 3)).T, np.reshape(extrinsic, (4, 4)).T, _whole(size, "size", 2))
 
 
 def _point_light(position, color=(1.0, 1.0, 1.0), falloff=False):
@@ -333,8 +354,15 @@ def _background(color=None, horizon=None, zenith=None):
     return GradientSky(horizon, zenith)
 
 
-_SETTINGS = {
+_CAMERAS = {
     "camera": _camera,
+    "orthographic_camera": _orthographic_camera,
+    "fisheye_camera": _fisheye_camera,
+    "equirectangular_camera": _equirectangular_camera,
+    "matrix_camera": _matrix_camera,
+}
+_SETTINGS = {
+    **_CAMERAS,
     "point_light": _point_light,
     "directional_light": _directional_light,
     "ambient_light": _ambient_light,

@@ -8,7 +8,7 @@ import numpy as np
 import warp as wp
 
 from . import checks
-from .camera import Camera
+from .cameras import AnyCamera
 from .hits import Hits
 from .image import srgb
 from .scene import Scene
@@ -154,7 +154,7 @@ def _extent(tracer: Tracer) -> float:
     return float(np.linalg.norm(upper - lower)) or 1.0
 
 
-def _picture(tracer: Tracer, camera: Camera) -> np.ndarray:
+def _picture(tracer: Tracer, camera: AnyCamera) -> np.ndarray:
     return srgb(tracer.render(camera, (PICTURE, PICTURE))["color"])
 
 

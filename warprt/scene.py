@@ -7,7 +7,7 @@ from typing import TypeAlias
 import numpy as np
 
 from . import checks
-from .camera import Camera
+from .cameras import CAMERAS, AnyCamera
 from .lights import AmbientLight, DirectionalLight, GradientSky, PointLight
 from .materials import Material
 from .mesh import Mesh
@@ -90,7 +90,7 @@ class Scene:
     objects: Iterable[Instance | Instances | Shape] = ()
     """A bare shape stands for one instance of it, where it is, in the default material."""
     lights: Iterable[AmbientLight | PointLight | DirectionalLight] = ()
-    camera: Camera | None = None
+    camera: AnyCamera | None = None
     """None: a camera that sees all bounded shapes is chosen when one is needed."""
     background: ArrayLike | GradientSky = (0.0, 0.0, 0.0)
     """Linear RGB, or a sky."""
@@ -106,7 +106,7 @@ class Scene:
         for k, light in enumerate(self.lights):
             _require(light, LIGHTS, f"Scene lights[{k}]")
         if self.camera is not None:
-            _require(self.camera, (Camera,), "Scene camera")
+            _require(self.camera, CAMERAS, "Scene camera")
         if not isinstance(self.background, GradientSky):
             object.__setattr__(self, "background", checks.color(self.background, "Scene background"))
 

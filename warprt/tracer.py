@@ -8,12 +8,13 @@ import warp as wp
 
 from warprt.kernels.cast import make_cast, make_cast_packets, make_occluded, make_occluded_packets, make_spawn
 from warprt.kernels.render import make_render
-from warprt.kernels.spec import Tier
+from warprt.kernels.spec import Projection, Tier
 
 from . import checks
 from .all_hits import MOST_HITS, AllHits, Gathering, all_field_names, all_hits, hit_counts
 from .assemble import assemble, assemble_look
 from .camera import Camera
+from .cameras import CAMERAS, AnyCamera
 from .hits import BRIEF, Hits, by_parts, field_names, field_types, hit_arrays
 from .image import Image, output_names
 from .launch import default_threads, launch, launch_packets, load
@@ -191,7 +192,7 @@ class Tracer:
 
     def render(
         self,
-        camera: Camera | None = None,
+        camera: AnyCamera | None = None,
         size: tuple[int, int] = (640, 480),
         samples: int = 1,
         max_bounces: int = 8,
@@ -209,8 +210,9 @@ class Tracer:
         width, height = self._checked_size(size)
         samples = checks.integer(samples, "samples", 1, MOST_SAMPLES)
         max_bounces = checks.integer(max_bounces, "max_bounces", 0, MOST_SAMPLES)
-        if not isinstance(camera, (Camera, type(None))):
-            raise ValueError(f"camera must be a Camera; got {type(camera).__name__}")
+        if not isinstance(camera, (*CAMERAS, type(None))):
+            names = " or ".join(kind.__name__ for kind in CAMERAS)
+            raise ValueError(f"camera must be {names}; got {type(camera).__name__}")
         names = output_names(outputs)
         self._device_scene.refresh()
         camera = camera or self.scene.camera or self.framing_camera()
@@ -226,17 +228,18 @@ class Tracer:
         bounds = self._device_scene.placements.bounds()
         return Camera.framing(*(bounds or (np.full(3, -1.0), np.full(3, 1.0))))
 
-    def compile_render(self) -> None:
+    def compile_render(self, camera: AnyCamera | None = None) -> None:
         """Compiles, or loads from the cache, the kernel that `render` needs; it does so itself when it must."""
-        load(self._render_kernel(), self.device)
+        camera = camera or self.scene.camera or self.framing_camera()
+        load(self._render_kernel(camera.projection), self.device)
 
-    def _render_kernel(self) -> wp.Kernel:
+    def _render_kernel(self, projection: Projection) -> wp.Kernel:
         if self._look is None:
             self._look = assemble_look(self.scene, self._device_scene.spec, self.device)
-        return make_render(self._look[0])
+        return make_render(self._look[0], projection)
 
     def _render_color(self, camera, width, height, samples, max_bounces, progress) -> np.ndarray:
-        kernel = self._render_kernel()
+        kernel = self._render_kernel(camera.projection)
         color = wp.empty(width * height, dtype=wp.vec3f, device=self.device)
         inputs = [self._device_scene.struct, self._look[1], camera.struct(width, height), samples, max_bounces, color]
         tile = width * height if progress is None else max(1, TILE_RAYS // samples)
