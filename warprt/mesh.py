@@ -29,10 +29,12 @@ class Mesh:
     """Triangles that share vertices, with a uniform grid over them.
 
     vertices: (V, 3) finite numbers, in scene units. faces: (F, 3) integers, indices into the vertices. normals
-    (V, 3) and uvs (V, 2) are kept for shading. grid: "auto", cells (nx, ny, nz), or None for no grid.
+    (V, 3) are kept for shading. uvs: (V, 2) finite texture coordinates, see `Texture`. colors: (V, 3) linear RGB, not
+    negative, which multiplies what the material says. Both are interpolated over a face by barycentric weights. grid:
+    "auto", cells (nx, ny, nz), or None for no grid.
 
     Faces without area are never hit; vertices without a face are ignored. Raises ValueError for an empty mesh,
-    indices out of range, non-finite vertices and wrong shapes.
+    indices out of range, non-finite values and wrong shapes.
     """
 
     kind = ShapeKind.MESH
@@ -44,11 +46,13 @@ class Mesh:
         normals: ArrayLike | None = None,
         uvs: ArrayLike | None = None,
         grid: str | tuple[int, int, int] | None = "auto",
+        colors: ArrayLike | None = None,
     ):
         self._vertices = _rows(vertices, 3, "Mesh vertices")
         self.faces = _face_indices(faces, len(self.vertices))
         self.normals = None if normals is None else _rows(normals, 3, "Mesh normals", len(self.vertices))
         self.uvs = None if uvs is None else _rows(uvs, 2, "Mesh uvs", len(self.vertices))
+        self.colors = None if colors is None else _colors(colors, len(self.vertices))
         self.grid = _grid_choice(grid)
         self.version = 0
         """How often `update` has been called."""
@@ -95,7 +99,7 @@ class Mesh:
         # In halves, which cannot overflow.
         side = (upper / 2 - lower / 2).max()
         vertices = (self.vertices / 2 - lower / 2) / (side if side > 0 else 0.5)
-        return Mesh(vertices, self.faces, self.normals, self.uvs, self.grid)
+        return Mesh(vertices, self.faces, self.normals, self.uvs, self.grid, self.colors)
 
     def with_grid(self, grid: str | tuple[int, int, int] | None) -> "Mesh":
         """A copy, which shares vertices and faces, with another grid."""
@@ -107,7 +111,8 @@ class Mesh:
         """Gives the mesh new vertices, as many as before; tracers that use it notice at their next call.
 
         vertices: (V, 3) finite numbers, or a Warp array of V vec3 or vec3d. From a Warp array on a tracer's device,
-        blocks and grid are made anew without a way over the host. Faces stay; normals, those of the old shape, go.
+        blocks and grid are made anew without a way over the host. Faces, uvs and colors stay; normals, those of the
+        old shape, go.
 
         Raises ValueError, and changes nothing, for another number of vertices, or where a face uses one that is not
         finite.
@@ -214,6 +219,16 @@ def _rows(value: ArrayLike, width: int, name: str, count: int | None = None) -> 
         i = int(np.argmax(is_bad))
         raise ValueError(f"{name}[{i}] is not finite; got {array[i].tolist()}")
     array.setflags(write=False)
+    return array
+
+
+def _colors(value: ArrayLike, count: int) -> np.ndarray:
+    """A read-only (V, 3) float64 copy of colours."""
+    array = _rows(value, 3, "Mesh colors", count)
+    is_negative = (array < 0).any(axis=1)
+    if is_negative.any():
+        i = int(np.argmax(is_negative))
+        raise ValueError(f"Mesh colors[{i}] must not be negative; got {array[i].tolist()}")
     return array
 
 
