@@ -58,12 +58,13 @@ class Mesh:
         """How often `update` has been called."""
         self._device_vertices: wp.array | None = None
         self._device_copies: dict = {}
+        self._device_attributes: dict = {}
 
     def __repr__(self) -> str:
         return f"Mesh({len(self)} vertices, {len(self.faces)} faces, grid={self.grid!r})"
 
     def __getstate__(self):
-        return {**self.__dict__, "_vertices": self.vertices, "_device_vertices": None, "_device_copies": {}}
+        return {**self.__dict__, "_vertices": self.vertices, "_device_vertices": None, "_device_copies": {}, "_device_attributes": {}}
 
     @property
     def vertices(self) -> np.ndarray:
@@ -141,6 +142,21 @@ class Mesh:
 
     def _device_faces(self, device: wp.Device) -> wp.array:
         return wp.array(self.faces.ravel(), dtype=wp.int32, device=device, copy=False)
+
+    def device_attribute(self, name: str, device: wp.Device, real: type = wp.float32) -> wp.array:
+        """On a device, made once: "face" int32 [3 F], "uv" vec2 [V] of that real, or "color" vec3f [V]."""
+        key = (name, device.alias, real)
+        if key not in self._device_attributes:
+            self._device_attributes[key] = self._make_attribute(name, device, real)
+        return self._device_attributes[key]
+
+    def _make_attribute(self, name: str, device: wp.Device, real: type) -> wp.array:
+        if name == "face":
+            return self._device_faces(device)
+        # Beyond 2^53, to which they are cut off so that nothing overflows, all floats are whole and even.
+        largest = 2.0**100
+        values = np.clip(self.uvs if name == "uv" else self.colors, -largest, largest)
+        return wp.array(values, dtype=wp.types.vector(values.shape[1], real), device=device)
 
     @classmethod
     def from_file(cls, path: str | Path, grid: str | tuple[int, int, int] | None = "auto") -> "Mesh":
