@@ -14,6 +14,7 @@ from . import checks
 from .grid import Faces, Trees, auto_resolution, build_block_trees, build_blocks, sort_faces, vertex_bounds
 from .shapes import Canonical, power_of_two_above
 from .typing import ArrayLike
+from .visuals import coated
 
 PAD_ROUNDINGS = 64
 """Widening of a mesh's grid cells, in units of roundoff of the largest canonical coordinate, 1.
@@ -64,7 +65,8 @@ class Mesh:
         return f"Mesh({len(self)} vertices, {len(self.faces)} faces, grid={self.grid!r})"
 
     def __getstate__(self):
-        return {**self.__dict__, "_vertices": self.vertices, "_device_vertices": None, "_device_copies": {}, "_device_attributes": {}}
+        on_device = {"_device_vertices": None, "_device_copies": {}, "_device_attributes": {}}
+        return {**self.__dict__, "_vertices": self.vertices, **on_device}
 
     @property
     def vertices(self) -> np.ndarray:
@@ -164,20 +166,24 @@ class Mesh:
 
         Raises FileNotFoundError when there is no such file, ValueError when it holds no triangles.
         """
-        from .mesh_files import read_mesh
+        from .mesh_files import read_parts
 
-        mesh = read_mesh(path)
+        parts = read_parts(path)
         try:
-            return cls.from_trimesh(mesh, grid=grid)
+            return _joined([cls.from_trimesh(part, grid=grid) for part in parts])
         except ValueError as error:
             raise ValueError(f"{path}: {error}") from None
 
     @classmethod
     def from_trimesh(cls, mesh, grid: str | tuple[int, int, int] | None = "auto") -> "Mesh":
-        """The triangles of a trimesh.Trimesh. Raises ValueError for anything else."""
+        """The triangles of a trimesh.Trimesh, with its texture coordinates, or its colours of vertices or faces.
+
+        Vertices at which faces of different colours meet become one for each. Raises ValueError for anything else.
+        """
         if not (hasattr(mesh, "vertices") and hasattr(mesh, "faces")):
             raise ValueError(f"Mesh.from_trimesh needs a trimesh.Trimesh; got {type(mesh).__name__}")
-        return cls(mesh.vertices, mesh.faces, grid=grid)
+        vertices, faces, uvs, colors = coated(mesh)
+        return cls(vertices, faces, uvs=uvs, grid=grid, colors=colors)
 
     def device_copy(self, tier: Tier, device: wp.Device, has_grid: bool) -> "DeviceMesh":
         """The mesh on a device, made once for each tier."""
@@ -221,6 +227,22 @@ class DeviceMesh:
         """Device memory in use."""
         corners = sum(array.capacity for array in (self._corner, self._fine) if array is not None)
         return corners + (self.trees.bytes if self.trees else 0)
+
+
+def _joined(parts: list[Mesh]) -> Mesh:
+    """Meshes as one: with uvs if each has them, white where a part has no colours and another has."""
+    if len(parts) == 1:
+        return parts[0]
+    first = np.cumsum([0, *(len(part) for part in parts)])
+    uvs = [part.uvs for part in parts if part.uvs is not None]
+    colors = [np.ones((len(part), 3)) if part.colors is None else part.colors for part in parts]
+    return Mesh(
+        np.concatenate([part.vertices for part in parts]),
+        np.concatenate([part.faces + k for part, k in zip(parts, first, strict=False)]),
+        uvs=np.concatenate(uvs) if len(uvs) == len(parts) else None,
+        grid=parts[0].grid,
+        colors=np.concatenate(colors) if any(part.colors is not None for part in parts) else None,
+    )
 
 
 def _rows(value: ArrayLike, width: int, name: str, count: int | None = None) -> np.ndarray:
