@@ -164,6 +164,9 @@ class Mesh:
     def from_file(cls, path: str | Path, grid: str | tuple[int, int, int] | None = "auto") -> "Mesh":
         """Reads any mesh format that trimesh reads (.ply .obj .stl .off ...); several parts become one mesh.
 
+        With it come texture coordinates, if all parts have them, and colours. `load_scene` also takes the materials.
+        Faces are in the order of the file, those of each material together.
+
         Raises FileNotFoundError when there is no such file, ValueError when it holds no triangles.
         """
         from .mesh_files import read_parts

@@ -10,7 +10,7 @@ SUFFIXES = (".obj", ".ply", ".stl", ".off")
 
 
 def read_parts(path: str | Path) -> list[trimesh.Trimesh]:
-    """The meshes of a file, one for each material or object, in their places; faces in the order of the file.
+    """The meshes of a file, one for each material, in their places; the faces of each in the order of the file.
 
     Raises FileNotFoundError when there is no such file, ValueError when trimesh finds no triangles in it.
     """
@@ -24,6 +24,9 @@ def read_parts(path: str | Path) -> list[trimesh.Trimesh]:
     except Exception as error:
         # Readers of trimesh fail in many ways on broken files.
         raise ValueError(f"cannot read {path} as a mesh: {type(error).__name__}: {error}") from error
+    if path.suffix.lower() == ".obj":
+        # Of its materials trimesh reads the last one first.
+        parts.reverse()
     if not parts:
         raise ValueError(f"{path} has no triangles")
     return parts
