@@ -7,7 +7,7 @@ from tqdm import tqdm
 
 from warprt.files import require_writable
 from warprt.launch import default_threads
-from warprt.mesh_files import read_mesh
+from warprt.mesh import Mesh
 
 from . import instances, leaks, machine, meshes, rates, report, resolution, scaling, specialisation
 
@@ -22,7 +22,7 @@ def load(path: str) -> meshes.Triangles:
     name, colon, count = path.partition(":")
     if colon and name in meshes.MAKERS and count.isdecimal():
         return meshes.MAKERS[name](int(count))
-    mesh = read_mesh(path)
+    mesh = Mesh.from_file(path)
     return np.asarray(mesh.vertices, np.float32), np.asarray(mesh.faces, np.int32)
 
 

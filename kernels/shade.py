@@ -8,6 +8,7 @@ from .spec import Look, Search
 from .sphere import reflected
 from .structs import look_struct, scene_struct, vec3
 from .surface import leave, make_surface
+from .tint import make_tint
 from .trace import make_trace
 
 
@@ -71,7 +72,8 @@ def make_radiance(look: Look):
     Scene, Lights = scene_struct(look.spec), look_struct(look)
     trace, surface = make_trace(look.spec, Search.CLOSEST), make_surface(look.spec)
     lambert, sky = make_lambert(look), make_sky(look)
-    has_mirrors = look.mirrors
+    has_mirrors, has_tint = look.mirrors, look.has_tint
+    tint = make_tint(look) if has_tint else None
     wide, vec = look.spec.tier.wide, vec3(look.spec.tier.wide)
 
     @wp.func
@@ -88,9 +90,14 @@ def make_radiance(look: Look):
             n = wp.where(wp.dot(s.normal, d) > wide(0.0), -s.normal, s.normal)
             material = lights.material[hit.instance]
             light = lambert(scene, lights, s.position, n, s.offset)
+            if wp.static(has_tint):
+                shade = tint(scene, lights, hit, s.u, s.v)
+                light = wp.cw_mul(light, shade)
             color += wp.cw_mul(throughput, wp.cw_mul(lights.diffuse[material], light))
             bounce += 1
             if wp.static(has_mirrors):
+                if wp.static(has_tint):
+                    throughput = wp.cw_mul(throughput, shade)
                 throughput = wp.cw_mul(throughput, lights.mirror[material])
                 if wp.max(throughput) == wp.float32(0.0):
                     return color

@@ -102,7 +102,14 @@ class Look:
     directional_lights: bool = False
     mirrors: bool = False
     gradient_sky: bool = False
+    textures: bool = False
+    vertex_colors: bool = False
 
     @property
     def has_shadows(self) -> bool:
         return self.point_lights or self.directional_lights
+
+    @property
+    def has_tint(self) -> bool:
+        """Whether colours vary over a mesh."""
+        return self.textures or self.vertex_colors

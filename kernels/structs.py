@@ -331,6 +331,32 @@ def camera_struct(projection: Projection):
 
 
 @cache
+def texture_struct():
+    """A picture among the texels of all; see texture.py."""
+    return make_struct(
+        "Texture",
+        {
+            "first": wp.int32,  # where its words begin, row by row from the top
+            "width": wp.int32,
+            "height": wp.int32,
+            "wrap": wp.int32,
+            "table": wp.int32,  # where the levels of its 8-bit channels begin, -1 for floats
+        },
+    )
+
+
+@cache
+def attributes_struct(look: Look):
+    """What a mesh has at its vertices."""
+    fields = {"face": wp.array(dtype=wp.int32)}  # [3 faces]  vertices, as the user gave them
+    if look.textures:
+        fields["uv"] = wp.array(dtype=wp.types.vector(2, look.spec.tier.result))  # [vertices]
+    if look.vertex_colors:
+        fields["color"] = wp.array(dtype=wp.vec3f)  # [vertices], or none
+    return make_struct("Attributes", fields)
+
+
+@cache
 def look_struct(look: Look):
     """Materials, lights and sky."""
     fields = {
@@ -351,4 +377,13 @@ def look_struct(look: Look):
         }
     if look.directional_lights:
         fields |= {"sun_direction": wp.array(dtype=wp.vec3d), "sun_color": wp.array(dtype=wp.vec3f)}
+    if look.has_tint:
+        fields["attributes"] = wp.array(dtype=attributes_struct(look))  # [meshes]
+    if look.textures:
+        fields |= {
+            "texture_number": wp.array(dtype=wp.int32),  # [materials]  -1 for none
+            "texture": wp.array(dtype=texture_struct()),
+            "texel": wp.array(dtype=wp.uint32),
+            "level": wp.array(dtype=wp.float32),
+        }
     return make_struct("Look", fields)

@@ -2,7 +2,7 @@
 
 import re
 import warnings
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 
 import pytest
@@ -56,17 +56,22 @@ FEATURES = {
     "directional_lights": ("sun_direction",),
     "mirrors": ("reflected", "mirror"),
     "gradient_sky": ("zenith",),
+    "textures": ("texel", "bilinear"),
+    "vertex_colors": ("color_of",),
 }
+OF_MESHES = ("textures", "vertex_colors")
 
 
 @pytest.mark.parametrize("feature", [None, *FEATURES])
 def test_absent_features_of_shading_leave_no_code_behind(feature, tmp_path):
-    spec = Spec(Tier.ROBUST, frozenset([ShapeKind.SPHERE]), instance_grid=False)
+    shape = ShapeKind.MESH if feature in OF_MESHES else ShapeKind.SPHERE
+    spec = Spec(Tier.ROBUST, frozenset([shape]), instance_grid=False)
     look = Look(spec, **({feature: True} if feature else {}))
     text = source(make_render(look), tmp_path, device="cpu")
     for name, words in FEATURES.items():
         for word in words:
             assert (word in text) == (name == feature)
+    assert ("attributes" in text) == (feature in OF_MESHES)
 
 
 @pytest.mark.parametrize("projection", list(Projection))
@@ -93,12 +98,13 @@ def test_second_scene_of_a_kind_compiles_nothing(device):
 
 ALL = Spec(Tier.ROBUST, frozenset(ShapeKind))
 MESHES = Spec(Tier.ROBUST, frozenset([ShapeKind.MESH]), instance_grid=False)
+EVERYTHING = {field.name: True for field in fields(Look) if field.type is bool}
 KERNELS = {
     "cast": lambda: make_cast(ALL, True),
     "occluded": lambda: make_occluded(ALL),
     "spawn": lambda: make_spawn(ALL),
     "walk": lambda: make_walk_cells(ALL),
-    "render": lambda: make_render(Look(ALL, True, True, True, True)),
+    "render": lambda: make_render(Look(ALL, **EVERYTHING)),
     "packets": lambda: make_cast_packets(MESHES),
     "occluded packets": lambda: make_occluded_packets(MESHES),
 }

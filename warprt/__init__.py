@@ -31,6 +31,7 @@ from .scene_files import load_scene as load_scene
 from .shapes import Box as Box
 from .shapes import Plane as Plane
 from .shapes import Sphere as Sphere
+from .texture import Texture as Texture
 from .tracer import Tracer as Tracer
 from .transform import Transform as Transform
 from .tune import Tuning as Tuning

@@ -6,13 +6,14 @@ import numpy as np
 import warp as wp
 
 from warprt.kernels.spec import Look, ShapeKind, Spec, Tier
-from warprt.kernels.structs import look_struct, mesh_struct, scene_struct, shape_struct
+from warprt.kernels.structs import attributes_struct, look_struct, mesh_struct, scene_struct, shape_struct
 
 from .lights import AmbientLight, DirectionalLight, GradientSky, PointLight
 from .materials import Material
 from .mesh import Mesh
 from .placements import Placements
 from .scene import Instance, Scene
+from .texels import pack_textures
 
 
 @dataclass
@@ -108,12 +109,15 @@ def assemble_look(scene: Scene, spec: Spec, device: wp.Device) -> tuple[Look, ob
     points = [light for light in scene.lights if isinstance(light, PointLight)]
     suns = [light for light in scene.lights if isinstance(light, DirectionalLight)]
     is_gradient = isinstance(scene.background, GradientSky)
+    meshes = [shape for shape in _distinct([item.shape for item in scene.objects]) if isinstance(shape, Mesh)]
     look = Look(
         spec,
         point_lights=bool(points),
         directional_lights=bool(suns),
         mirrors=any(max(material.mirror) > 0 for material in materials),
         gradient_sky=is_gradient,
+        textures=any(material.texture is not None for material in materials),
+        vertex_colors=any(mesh.colors is not None for mesh in meshes),
     )
 
     def array(values, dtype):
@@ -137,7 +141,27 @@ def assemble_look(scene: Scene, spec: Spec, device: wp.Device) -> tuple[Look, ob
     if suns:
         struct.sun_direction = array([light.direction for light in suns], wp.vec3d)
         struct.sun_color = array([light.color for light in suns], wp.vec3f)
+    if look.has_tint:
+        attributes = [_attributes(mesh, look, device) for mesh in meshes]
+        struct.attributes = wp.array(attributes, dtype=attributes_struct(look), device=device)
+    if look.textures:
+        textures = _distinct([material.texture for material in materials if material.texture is not None])
+        number = {id(texture): k for k, texture in enumerate(textures)}
+        struct.texture_number = array([number.get(id(material.texture), -1) for material in materials], wp.int32)
+        for name, packed in pack_textures(textures, device).items():
+            setattr(struct, name, packed)
     return look, struct
+
+
+def _attributes(mesh: Mesh, look: Look, device: wp.Device):
+    """What a mesh has at its vertices, as kernels take it."""
+    struct = attributes_struct(look)()
+    struct.face = mesh.device_attribute("face", device)
+    if look.textures and mesh.uvs is not None:
+        struct.uv = mesh.device_attribute("uv", device, look.spec.tier.result)
+    if look.vertex_colors and mesh.colors is not None:
+        struct.color = mesh.device_attribute("color", device)
+    return struct
 
 
 def _material_table(scene: Scene) -> tuple[np.ndarray, list[Material]]:

@@ -18,6 +18,7 @@ from .matrix_camera import MatrixCamera
 from .mesh import Mesh
 from .scene import Instance, Scene
 from .shapes import Box, Plane, Sphere
+from .texture import Texture
 from .transform import Transform
 
 
@@ -193,7 +194,7 @@ class _Reader:
         if block.name in table:
             raise ValueError(f"{block.kind} {block.name!r} is defined twice")
         if block.kind == "material":
-            table[block.name] = _make(_material, self._values(block), "material")
+            table[block.name] = _make(_material, self._values(block) | {"folder": self.path.parent}, "material")
         else:
             table[block.name] = self._shape(block)
 
@@ -274,8 +275,8 @@ _STEPS: dict[str, Callable[[Transform, Any], Transform]] = {
 }
 
 
-def _material(diffuse=(0.8, 0.8, 0.8), mirror=(0.0, 0.0, 0.0)):
-    return Material(diffuse, mirror)
+def _material(folder, diffuse=(0.8, 0.8, 0.8), mirror=(0.0, 0.0, 0.0), texture=None):
+    return Material(diffuse, mirror, None if texture is None else Texture.from_file(folder / _text(texture, "texture")))
 
 
 def _sphere(center=(0.0, 0.0, 0.0), radius=1.0):
@@ -294,13 +295,17 @@ def _mesh(file, folder, grid_acceleration=True, grid_resolution=None, unit_cube=
     for key, value in (("grid_acceleration", grid_acceleration), ("unit_cube", unit_cube)):
         if not isinstance(value, bool):
             raise ValueError(f"{key} must be true or false; got {value!r}")
-    if isinstance(file, Word) or not isinstance(file, str):
-        raise ValueError(f'file must be a "string"; got {file!r}')
     grid = None
     if grid_acceleration:
         grid = "auto" if grid_resolution is None else _whole(grid_resolution, "grid_resolution", 3)
-    mesh = Mesh.from_file(folder / file, grid=grid)
+    mesh = Mesh.from_file(folder / _text(file, "file"), grid=grid)
     return mesh.fit_unit_cube() if unit_cube else mesh
+
+
+def _text(value, key: str) -> str:
+    if isinstance(value, Word) or not isinstance(value, str):
+        raise ValueError(f'{key} must be a "string"; got {value!r}')
+    return value
 
 
 def _whole(values, name: str, count: int) -> tuple:

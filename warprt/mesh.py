@@ -14,6 +14,7 @@ from . import checks
 from .grid import Faces, Trees, auto_resolution, build_block_trees, build_blocks, sort_faces, vertex_bounds
 from .shapes import Canonical, power_of_two_above
 from .typing import ArrayLike
+from .visuals import coated
 
 PAD_ROUNDINGS = 64
 """Widening of a mesh's grid cells, in units of roundoff of the largest canonical coordinate, 1.
@@ -29,10 +30,12 @@ class Mesh:
     """Triangles that share vertices, with a uniform grid over them.
 
     vertices: (V, 3) finite numbers, in scene units. faces: (F, 3) integers, indices into the vertices. normals
-    (V, 3) and uvs (V, 2) are kept for shading. grid: "auto", cells (nx, ny, nz), or None for no grid.
+    (V, 3) are kept for shading. uvs: (V, 2) finite texture coordinates, see `Texture`. colors: (V, 3) linear RGB, not
+    negative, which multiplies what the material says. Both are interpolated over a face by barycentric weights. grid:
+    "auto", cells (nx, ny, nz), or None for no grid.
 
     Faces without area are never hit; vertices without a face are ignored. Raises ValueError for an empty mesh,
-    indices out of range, non-finite vertices and wrong shapes.
+    indices out of range, non-finite values and wrong shapes.
     """
 
     kind = ShapeKind.MESH
@@ -44,22 +47,26 @@ class Mesh:
         normals: ArrayLike | None = None,
         uvs: ArrayLike | None = None,
         grid: str | tuple[int, int, int] | None = "auto",
+        colors: ArrayLike | None = None,
     ):
         self._vertices = _rows(vertices, 3, "Mesh vertices")
         self.faces = _face_indices(faces, len(self.vertices))
         self.normals = None if normals is None else _rows(normals, 3, "Mesh normals", len(self.vertices))
         self.uvs = None if uvs is None else _rows(uvs, 2, "Mesh uvs", len(self.vertices))
+        self.colors = None if colors is None else _colors(colors, len(self.vertices))
         self.grid = _grid_choice(grid)
         self.version = 0
         """How often `update` has been called."""
         self._device_vertices: wp.array | None = None
         self._device_copies: dict = {}
+        self._device_attributes: dict = {}
 
     def __repr__(self) -> str:
         return f"Mesh({len(self)} vertices, {len(self.faces)} faces, grid={self.grid!r})"
 
     def __getstate__(self):
-        return {**self.__dict__, "_vertices": self.vertices, "_device_vertices": None, "_device_copies": {}}
+        on_device = {"_device_vertices": None, "_device_copies": {}, "_device_attributes": {}}
+        return {**self.__dict__, "_vertices": self.vertices, **on_device}
 
     @property
     def vertices(self) -> np.ndarray:
@@ -95,7 +102,7 @@ class Mesh:
         # In halves, which cannot overflow.
         side = (upper / 2 - lower / 2).max()
         vertices = (self.vertices / 2 - lower / 2) / (side if side > 0 else 0.5)
-        return Mesh(vertices, self.faces, self.normals, self.uvs, self.grid)
+        return Mesh(vertices, self.faces, self.normals, self.uvs, self.grid, self.colors)
 
     def with_grid(self, grid: str | tuple[int, int, int] | None) -> "Mesh":
         """A copy, which shares vertices and faces, with another grid."""
@@ -107,7 +114,8 @@ class Mesh:
         """Gives the mesh new vertices, as many as before; tracers that use it notice at their next call.
 
         vertices: (V, 3) finite numbers, or a Warp array of V vec3 or vec3d. From a Warp array on a tracer's device,
-        blocks and grid are made anew without a way over the host. Faces stay; normals, those of the old shape, go.
+        blocks and grid are made anew without a way over the host. Faces, uvs and colors stay; normals, those of the
+        old shape, go.
 
         Raises ValueError, and changes nothing, for another number of vertices, or where a face uses one that is not
         finite.
@@ -137,26 +145,48 @@ class Mesh:
     def _device_faces(self, device: wp.Device) -> wp.array:
         return wp.array(self.faces.ravel(), dtype=wp.int32, device=device, copy=False)
 
+    def device_attribute(self, name: str, device: wp.Device, real: type = wp.float32) -> wp.array:
+        """On a device, made once: "face" int32 [3 F], "uv" vec2 [V] of that real, or "color" vec3f [V]."""
+        key = (name, device.alias, real)
+        if key not in self._device_attributes:
+            self._device_attributes[key] = self._make_attribute(name, device, real)
+        return self._device_attributes[key]
+
+    def _make_attribute(self, name: str, device: wp.Device, real: type) -> wp.array:
+        if name == "face":
+            return self._device_faces(device)
+        # Beyond 2^53, to which they are cut off so that nothing overflows, all floats are whole and even.
+        largest = 2.0**100
+        values = np.clip(self.uvs if name == "uv" else self.colors, -largest, largest)
+        return wp.array(values, dtype=wp.types.vector(values.shape[1], real), device=device)
+
     @classmethod
     def from_file(cls, path: str | Path, grid: str | tuple[int, int, int] | None = "auto") -> "Mesh":
         """Reads any mesh format that trimesh reads (.ply .obj .stl .off ...); several parts become one mesh.
 
+        With it come texture coordinates, if all parts have them, and colours. `load_scene` also takes the materials.
+        Faces are in the order of the file, those of each material together.
+
         Raises FileNotFoundError when there is no such file, ValueError when it holds no triangles.
         """
-        from .mesh_files import read_mesh
+        from .mesh_files import read_parts
 
-        mesh = read_mesh(path)
+        parts = read_parts(path)
         try:
-            return cls.from_trimesh(mesh, grid=grid)
+            return _joined([cls.from_trimesh(part, grid=grid) for part in parts])
         except ValueError as error:
             raise ValueError(f"{path}: {error}") from None
 
     @classmethod
     def from_trimesh(cls, mesh, grid: str | tuple[int, int, int] | None = "auto") -> "Mesh":
-        """The triangles of a trimesh.Trimesh. Raises ValueError for anything else."""
+        """The triangles of a trimesh.Trimesh, with its texture coordinates, or its colours of vertices or faces.
+
+        Vertices at which faces of different colours meet become one for each. Raises ValueError for anything else.
+        """
         if not (hasattr(mesh, "vertices") and hasattr(mesh, "faces")):
             raise ValueError(f"Mesh.from_trimesh needs a trimesh.Trimesh; got {type(mesh).__name__}")
-        return cls(mesh.vertices, mesh.faces, grid=grid)
+        vertices, faces, uvs, colors = coated(mesh)
+        return cls(vertices, faces, uvs=uvs, grid=grid, colors=colors)
 
     def device_copy(self, tier: Tier, device: wp.Device, has_grid: bool) -> "DeviceMesh":
         """The mesh on a device, made once for each tier."""
@@ -202,6 +232,22 @@ class DeviceMesh:
         return corners + (self.trees.bytes if self.trees else 0)
 
 
+def _joined(parts: list[Mesh]) -> Mesh:
+    """Meshes as one: with uvs if each has them, white where a part has no colours and another has."""
+    if len(parts) == 1:
+        return parts[0]
+    first = np.cumsum([0, *(len(part) for part in parts)])
+    uvs = [part.uvs for part in parts if part.uvs is not None]
+    colors = [np.ones((len(part), 3)) if part.colors is None else part.colors for part in parts]
+    return Mesh(
+        np.concatenate([part.vertices for part in parts]),
+        np.concatenate([part.faces + k for part, k in zip(parts, first, strict=False)]),
+        uvs=np.concatenate(uvs) if len(uvs) == len(parts) else None,
+        grid=parts[0].grid,
+        colors=np.concatenate(colors) if any(part.colors is not None for part in parts) else None,
+    )
+
+
 def _rows(value: ArrayLike, width: int, name: str, count: int | None = None) -> np.ndarray:
     """A read-only (N, width) float64 copy without NaN or infinity, N >= 1."""
     array = checks.real_array(value, name)
@@ -214,6 +260,16 @@ def _rows(value: ArrayLike, width: int, name: str, count: int | None = None) -> 
         i = int(np.argmax(is_bad))
         raise ValueError(f"{name}[{i}] is not finite; got {array[i].tolist()}")
     array.setflags(write=False)
+    return array
+
+
+def _colors(value: ArrayLike, count: int) -> np.ndarray:
+    """A read-only (V, 3) float64 copy of colours."""
+    array = _rows(value, 3, "Mesh colors", count)
+    is_negative = (array < 0).any(axis=1)
+    if is_negative.any():
+        i = int(np.argmax(is_negative))
+        raise ValueError(f"Mesh colors[{i}] must not be negative; got {array[i].tolist()}")
     return array
 
 

@@ -34,6 +34,7 @@ class Instance:
         object.__setattr__(self, "transform", as_transform(self.transform))
         if self.material is not None:
             _require(self.material, (Material,), "Instance material")
+            _require_uvs(self.shape, [self.material], "Instance")
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,6 +68,7 @@ class Instances:
             raise ValueError("Instances materials must not be empty")
         for material in materials:
             _require(material, (Material,), "Instances materials")
+        _require_uvs(self.shape, materials, "Instances")
         object.__setattr__(self, "materials", tuple(materials))
         object.__setattr__(self, "material_index", self._checked_index())
 
@@ -120,6 +122,13 @@ def _require(value, types: tuple[type, ...], name: str) -> None:
     if not isinstance(value, types):
         expected = " or ".join(t.__name__ for t in types)
         raise ValueError(f"{name} must be {expected}; got {type(value).__name__}")
+
+
+def _require_uvs(shape: Shape, materials: Sequence[Material], name: str) -> None:
+    """A texture lies on a mesh that says where."""
+    if any(material.texture is not None for material in materials) and getattr(shape, "uvs", None) is None:
+        what = repr(shape) if isinstance(shape, Mesh) else f"a {type(shape).__name__}"
+        raise ValueError(f"{name} material has a texture, which needs a Mesh with uvs; the shape is {what}")
 
 
 def _sequence(value, name: str) -> list:

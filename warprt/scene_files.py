@@ -9,8 +9,9 @@ from .cfg import read_cfg
 from .lights import AmbientLight, DirectionalLight, GradientSky
 from .materials import Material
 from .mesh import Mesh
-from .mesh_files import SUFFIXES
+from .mesh_files import SUFFIXES, read_parts
 from .scene import Instance, Scene
+from .visuals import file_material
 
 
 def ready_scenes() -> dict[str, Path]:
@@ -37,8 +38,9 @@ def find_scene(name: str | Path) -> Path:
 def load_scene(path: str | Path) -> Scene:
     """A scene from a file, or a ready one by its name.
 
-    .py: what its function scene() returns. .cfg: see `warprt.cfg`. Meshes (.obj .ply .stl .off): one instance,
-    lit and framed. Raises FileNotFoundError, or ValueError that names the file and what is wrong with it.
+    .py: what its function scene() returns. .cfg: see `warprt.cfg`. Meshes (.obj .ply .stl .off): an instance for
+    each material of the file, lit and framed. Raises FileNotFoundError, or ValueError that names the file and what is
+    wrong with it.
     """
     path = find_scene(path)
     suffix = path.suffix.lower()
@@ -47,15 +49,27 @@ def load_scene(path: str | Path) -> Scene:
     if suffix == ".cfg":
         return read_cfg(path)
     if suffix in SUFFIXES:
-        return mesh_scene(Mesh.from_file(path))
+        return _mesh_scene(path)
     raise ValueError(f"cannot read {path}: scenes are .py, .cfg or one of {' '.join(SUFFIXES)}")
 
 
-def mesh_scene(mesh: Mesh) -> Scene:
-    """One mesh in daylight; the camera sees all of it."""
+def _mesh_scene(path: Path) -> Scene:
+    """The meshes of a file in daylight; the camera sees all of them."""
+    parts = read_parts(path)
+    try:
+        objects = [_part(part) for part in parts]
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None
     lights = [DirectionalLight((-0.6, -1.0, -0.8), (0.75, 0.72, 0.68)), AmbientLight((0.22, 0.24, 0.28))]
     sky = GradientSky((0.92, 0.94, 0.97), (0.45, 0.6, 0.85))
-    return Scene([Instance(mesh, material=Material((0.75, 0.7, 0.62)))], lights=lights, background=sky)
+    return Scene(objects, lights=lights, background=sky)
+
+
+def _part(part) -> Instance:
+    """A mesh of a file in the material that the file gives it; in clay if it gives neither that nor colours."""
+    mesh = Mesh.from_trimesh(part)
+    clay = Material((0.75, 0.7, 0.62) if mesh.colors is None else 1.0)
+    return Instance(mesh, material=file_material(part) or clay)
 
 
 def _python_scene(path: Path) -> Scene:

@@ -1,0 +1,119 @@
+"""Pictures that are laid over meshes."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import PIL.Image
+
+from .typing import ArrayLike
+
+WRAPS = ("repeat", "clamp", "mirror")
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Texture:
+    """A picture that multiplies the colours of a material, laid over a mesh by its uvs.
+
+    pixels: (H, W, 3) or (H, W, 4) uint8, or floats of at least 0, row 0 on top, or the path of a picture; the fourth
+    channel, alpha, is ignored. Texture coordinates are (u, v) with u to the right and v up: (0, 0) is the lower left
+    corner of the picture and (1, 1) its upper right one; texels have their centres at ((i + 1/2) / W, (j + 1/2) / H),
+    between which linear light is interpolated bilinearly.
+
+    Raises ValueError for other shapes, types and values, FileNotFoundError when there is no such file.
+    """
+
+    pixels: ArrayLike | str | Path
+    is_srgb: bool | None = None
+    """Whether values are sRGB, or else linear light. None: uint8 is sRGB, floats are linear."""
+    wrap: str = "repeat"
+    """What lies beyond the picture: "repeat", "clamp" (its edge goes on) or "mirror" (every other copy is turned)."""
+
+    def __post_init__(self):
+        pixels = self.pixels
+        pixels = read_picture(pixels) if isinstance(pixels, (str, Path)) else _checked_pixels(pixels)
+        if self.is_srgb not in (None, True, False):
+            raise ValueError(f"Texture is_srgb must be True, False or None; got {self.is_srgb!r}")
+        if not isinstance(self.wrap, str) or self.wrap not in WRAPS:
+            raise ValueError(f"Texture wrap must be one of {', '.join(WRAPS)}; got {self.wrap!r}")
+        is_srgb = pixels.dtype == np.uint8 if self.is_srgb is None else bool(self.is_srgb)
+        object.__setattr__(self, "pixels", pixels)
+        object.__setattr__(self, "is_srgb", is_srgb)
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """(width, height) in texels."""
+        height, width = self.pixels.shape[:2]
+        return width, height
+
+    def __repr__(self) -> str:
+        light = "sRGB" if self.is_srgb else "linear"
+        return f"Texture({self.size[0]} x {self.size[1]} {self.pixels.dtype}, {light}, wrap={self.wrap!r})"
+
+    @classmethod
+    def from_file(cls, path: str | Path, is_srgb: bool | None = None, wrap: str = "repeat") -> "Texture":
+        """A picture of any kind that Pillow reads. Raises FileNotFoundError, or ValueError if it cannot be read."""
+        return cls(read_picture(path), is_srgb, wrap)
+
+    @classmethod
+    def from_pil(cls, image: PIL.Image.Image, is_srgb: bool | None = None, wrap: str = "repeat") -> "Texture":
+        """A Pillow image. Raises ValueError if its file turns out to be broken."""
+        return cls(pil_pixels(image, "the picture"), is_srgb, wrap)
+
+
+def linear(encoded: np.ndarray) -> np.ndarray:
+    """SRGB to linear light (IEC 61966-2-1)."""
+    x = np.asarray(encoded, np.float64)
+    return np.where(x <= 0.04045, x / 12.92, np.power((x + 0.055) / 1.055, 2.4))
+
+
+def read_picture(path: str | Path) -> np.ndarray:
+    """(H, W, 3 or 4) uint8, row 0 on top, of a file; floats of one with 16 bits of grey."""
+    path = Path(path)
+    if not path.is_file():
+        raise FileNotFoundError(f"there is no file {path}")
+    try:
+        image = PIL.Image.open(path)
+    except Exception as error:
+        # Readers of Pillow fail in many ways on broken files.
+        raise ValueError(f"cannot read {path} as a picture: {_one_line(error)}") from None
+    with image:
+        return pil_pixels(image, path)
+
+
+def pil_pixels(image: PIL.Image.Image, name) -> np.ndarray:
+    """The pixels of a Pillow image, whose file may turn out to be broken."""
+    try:
+        if image.mode.startswith("I"):  # up to 16 bits of grey, which "RGB" would cut off
+            grey = np.asarray(image, np.float64)[..., None] / 65535
+            return _checked_pixels(np.repeat(grey, 3, axis=2))
+        return _checked_pixels(np.asarray(image if image.mode in ("RGB", "RGBA") else image.convert("RGB")))
+    except Exception as error:
+        raise ValueError(f"cannot read {name} as a picture: {_one_line(error)}") from None
+
+
+def _one_line(error: Exception) -> str:
+    return " ".join(f"{type(error).__name__}: {error}".split())
+
+
+def _checked_pixels(value: ArrayLike) -> np.ndarray:
+    """A read-only copy: uint8, or finite float32 of at least 0."""
+    try:
+        array = np.array(value)
+    except ValueError:
+        raise ValueError("Texture pixels must have shape (H, W, 3) or (H, W, 4); the rows given differ") from None
+    if array.dtype != np.uint8 and array.dtype.kind != "f":
+        raise ValueError(f"Texture pixels must be uint8 or floats; got {array.dtype}")
+    if array.ndim != 3 or array.shape[2] not in (3, 4) or 0 in array.shape:
+        raise ValueError(f"Texture pixels must have shape (H, W, 3) or (H, W, 4); got {array.shape}")
+    if array.dtype != np.uint8:
+        is_bad = ~((array >= 0) & (array <= np.finfo(np.float32).max)).all(axis=2)
+        if is_bad.any():
+            row, column = np.argwhere(is_bad)[0]
+            raise ValueError(
+                f"Texture pixels must be finite and not negative; got {array[row, column].tolist()} at row {row}, "
+                f"column {column}"
+            )
+        array = array.astype(np.float32)
+    array.setflags(write=False)
+    return array
