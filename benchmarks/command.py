@@ -93,7 +93,7 @@ def _specialisation(options, size: int, rounds: int, threads: int):
 
 def _leaks(options, size: int, rounds: int, threads: int):
     rays = int(options.rays or (100_000 if options.quick else 1_000_000))
-    return leaks.measure(rays, threads, tuple(options.accuracy.split(","))), leaks.table, None
+    return leaks.measure(leaks.asked_for(options.accuracy, rays), threads), leaks.table, None
 
 
 TOPICS = {

@@ -5,6 +5,8 @@ from collections.abc import Callable
 import numpy as np
 from tqdm import tqdm
 
+from warprt import checks
+
 from .engines import Engine, Ours, peer_makers
 from .meshes import Triangles
 from .rays import RaySet
@@ -14,7 +16,7 @@ OFFSETS = {"0": (0, 0, 0), "1e5": (1e5, 1e5, 1e5), "Embree's": (148376, 1234, -2
 RADIUS = 2.0
 BATCH = 1 << 20
 """Rays made and cast at a time."""
-MOST_OF_PEERS = 1_000_000
+MOST_OF_PEERS = 10_000_000
 """More rays of an aim than this are cast by this project alone."""
 
 
@@ -81,23 +83,44 @@ def aimed(mesh: Triangles, offset: tuple, aim: str, count: int, rng: np.random.G
 AIMS = ("random", "edge", "vertex")
 
 
-def measure(rays: int, threads: int, accuracies: tuple[str, ...] = ("robust",)) -> dict:
-    """For each aim and each engine: rays cast, of at least `rays` in all, and how many of them met nothing."""
+def asked_for(text: str, rays: int) -> dict[str, int]:
+    """How many rays of each aim each accuracy is to cast, from "robust,double:1e7": `rays`, or its own number."""
+    counts = {}
+    for part in text.split(","):
+        accuracy, colon, count = part.partition(":")
+        try:
+            counts[accuracy] = int(float(count)) if colon else rays
+        except (ValueError, OverflowError):
+            raise ValueError(f"rays of an accuracy must be a number, as in robust:1e8; got {part!r}") from None
+    for accuracy, count in counts.items():
+        checks.integer(count, f"rays of {accuracy}")
+    return counts
+
+
+def measure(rays: dict[str, int], threads: int, device: str = "cpu", with_peers: bool = True) -> dict:
+    """For each aim and each engine: rays cast, and how many of them met nothing.
+
+    rays: of each aim, for each accuracy: at least so many in all, shared out over meshes and offsets. All engines get
+    the same rays, but for those that ask for fewer.
+    """
+    places = len(MESHES) * len(OFFSETS)
+    shares = {accuracy: -(-count // places) for accuracy, count in rays.items()}
+    most = max(shares.values())
     counts = {aim: {} for aim in AIMS}
-    share = -(-rays // (len(MESHES) * len(OFFSETS)))
-    bar = tqdm(total=len(AIMS) * len(MESHES) * len(OFFSETS), disable=None, leave=False, desc="leaks")
+    bar = tqdm(total=len(AIMS) * places, disable=None, leave=False, desc="leaks")
     for number, make in enumerate(MESHES.values()):
         for offset in OFFSETS.values():
             mesh = at(make(), offset)
-            ours = [Ours(mesh, threads, accuracy) for accuracy in accuracies]
-            peers = [maker(mesh, threads) for maker in peer_makers(1).values()]
+            engines = [(Ours(mesh, threads, accuracy, device), share) for accuracy, share in shares.items()]
+            if with_peers:
+                engines += [(maker(mesh, threads), MOST_OF_PEERS // places) for maker in peer_makers(1).values()]
             for aim in AIMS:
                 rng = np.random.default_rng((number, AIMS.index(aim)))
-                for first in range(0, share, BATCH):
-                    batch = aimed(mesh, offset, aim, min(BATCH, share - first), rng)
-                    is_shared = first < MOST_OF_PEERS / (len(MESHES) * len(OFFSETS))
-                    for engine in ours + (peers if is_shared else []):
-                        _add(counts[aim], engine, batch)
+                for first in range(0, most, BATCH):
+                    batch = aimed(mesh, offset, aim, min(BATCH, most - first), rng)
+                    for engine, share in engines:
+                        if share > first:
+                            _add(counts[aim], engine, batch.part(share - first))
                 bar.update()
     bar.close()
     return counts

@@ -134,6 +134,29 @@ def errors(name: str) -> str:
     )
 
 
+def jumps(*names: str) -> str:
+    """What jumps over empty cells gain on scenes."""
+    body = []
+    for name in names:
+        on, off = (results(name)["jumps"][key] for key in ("on", "off"))
+        ns = [entry["ns_per_ray"] for entry in (on, off)]
+        same = "the same" if on["same_bits"] and off["same_bits"] else "other"
+        body.append([name.split("_")[1], *(f"{x:.0f}" for x in ns), f"{ns[1] / ns[0]:.2f}", same])
+    return rows(["scene", "ns per ray with jumps", "without", "ratio", "bits"], body)
+
+
+def directions(name: str) -> str:
+    """Local directions as they come, and of unit length."""
+    body = []
+    for real, paths in results(name)["directions"].items():
+        for k, (path, entry) in enumerate(paths.items()):
+            ulps = [f"{entry['t_ulps'][q]:.2g}" for q in ("p50", "p99", "max")]
+            least, most = entry["sizes"]
+            body.append([real if k == 0 else "", path, f"{entry['ns_per_ray']:.0f}", *ulps, f"1e{least} to 1e{most}"])
+    head = ["", "direction", "ns per ray", "error of t in ulps, p50", "p99", "max", "right for instances of size"]
+    return rows(head, body)
+
+
 def _all(names: Iterable[str]) -> dict:
     merged: dict = {}
     for name in names:
@@ -143,7 +166,7 @@ def _all(names: Iterable[str]) -> dict:
 
 KINDS = {
     function.__name__: function
-    for function in (rates, brief, tiers, builds, gains, resolution, instances, leaks, errors)
+    for function in (rates, brief, tiers, builds, gains, resolution, instances, leaks, errors, jumps, directions)
 }
 
 

@@ -1,6 +1,6 @@
 """Rays to measure with, as float32: what cameras, lidars, shadows and ambient occlusion ask."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -22,6 +22,10 @@ class RaySet:
 
     def __len__(self) -> int:
         return len(self.origins)
+
+    def part(self, count: int) -> "RaySet":
+        """The first `count` rays, or all if there are fewer."""
+        return replace(self, origins=self.origins[:count], directions=self.directions[:count])
 
 
 def primary(mesh: Triangles, size: int) -> RaySet:

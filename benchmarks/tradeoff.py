@@ -1,7 +1,6 @@
 """`warprt tradeoff SCENE`: what speed costs in accuracy, for tiers, samples, bounces and grids, beside peers."""
 
 import time
-from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
@@ -14,15 +13,13 @@ from warprt.launch import default_threads
 from warprt.measure import PICTURE, as_record, as_table, measure, sample_rays
 from warprt.timing import alternating
 
-from . import machine, report
+from . import directions, grids, jumps, machine, report
 from .engines import peer_makers
 from .meshes import Triangles
 from .rays import RaySet
 
 SAMPLES = (1, 2, 4, 8, 16, 32)
 BOUNCES = (0, 1, 2, 4, 8)
-DENSITIES = (1 / 16, 1 / 4, 1, 4, 16)
-"""Cells of every mesh's grid, as multiples of what "auto" chooses."""
 MOST_BAKED = 2_000_000
 """Peers have no instances: scenes of more triangles than this are not made into one mesh for them."""
 
@@ -44,10 +41,20 @@ def run(options) -> None:
         if results["peers"]:
             print(peer_table(results["peers"]))
     tracer = rt.Tracer(scene, "robust", options.device, threads=threads)
-    for name, sweep in (("samples", samples), ("max_bounces", bounces), ("grid", partial(grids, rays=options.rays))):
-        results[name] = sweep(tracer, rounds=options.rounds)
+    o, d = sample_rays(tracer, options.rays)
+    sweeps = {
+        "samples": partial(samples, tracer),
+        "max_bounces": partial(bounces, tracer),
+        "grid": partial(grids.measure, tracer, o, d),
+        "jumps": partial(jumps.measure, tracer, o, d),
+    }
+    for name, sweep in sweeps.items():
+        results[name] = sweep(rounds=options.rounds)
         if results[name]:
             print(sweep_table(name, results[name]))
+    results["directions"] = directions.measure(tracer, options.rays, options.rounds)
+    if results["directions"]:
+        print(directions.table(results["directions"]))
     if options.output:
         report.save(options.output, about, results)
     if options.plot:
@@ -141,53 +148,6 @@ def _pictures(tracer: rt.Tracer, name: str, values: tuple, most: int, fixed: dic
             "difference": float(np.abs(image - truth).mean()),
         }
     return found
-
-
-def grids(tracer: rt.Tracer, rays: int, rounds: int) -> dict:
-    """Nanoseconds per ray for finer and coarser grids over every mesh; the hits are the same."""
-    counts = tracer.mesh_grids()
-    if not counts:
-        return {}
-    o, d = sample_rays(tracer, rays)
-    tracers = {}
-    for density in DENSITIES:
-        scene = rescaled(tracer.scene, counts, density)
-        tracers[f"{density:g}"] = rt.Tracer(scene, tracer.accuracy, tracer.device, threads=tracer.threads)
-    runs: dict[str, Callable] = {
-        name: lambda t=t: t.cast(o, d, outputs=("t", "primitive_id")) for name, t in tracers.items()
-    }
-    times = alternating(runs, rounds)
-    first = tracer.cast(o, d)
-    return {
-        name: {
-            "ns_per_ray": 1e9 * float(np.median(times[name])) / len(o),
-            "same_bits": bool(np.array_equal(other.cast(o, d, outputs="t").t, first.t)),
-        }
-        for name, other in tracers.items()
-    }
-
-
-def rescaled(scene: rt.Scene, counts: list[tuple[int, int, int]], density: float) -> rt.Scene:
-    """The scene with `density` times as many cells in the grid of each mesh."""
-    meshes: dict[int, rt.Mesh] = {}
-    remaining = iter(counts)
-
-    def other(shape):
-        if not isinstance(shape, rt.Mesh):
-            return shape
-        if id(shape) not in meshes:
-            count = next(remaining)
-            meshes[id(shape)] = shape.with_grid(tuple(max(1, round(n * density ** (1 / 3))) for n in count))
-        return meshes[id(shape)]
-
-    objects = []
-    for item in scene.objects:
-        if isinstance(item, rt.Instance):
-            objects.append(rt.Instance(other(item.shape), item.transform, item.material))
-        else:
-            placed = rt.Instances(other(item.shape), item.world_from_local, item.materials, item.material_index)
-            objects.append(placed)
-    return rt.Scene(objects, scene.lights, scene.camera, scene.background)
 
 
 def sweep_table(name: str, found: dict) -> str:

@@ -38,7 +38,7 @@ def plants() -> tuple[rt.Mesh, rt.Mesh, rt.Mesh, rt.Mesh]:
     return (
         rosette(9, 0.15 * s**2, 0.42 * s - 0.12 * s**2, 0.016 * (1 - s)),
         rosette(3, 0.0 * s, 0.42 * s, 0.006 + 0.0 * s),
-        rosette(7, 0.085 * s, 0.42 + 0.05 * s**2, 0.05 * np.sin(np.pi * s) ** 0.6),
+        rosette(7, 0.085 * s, 0.42 + 0.05 * s**2, 0.05 * np.sin(np.pi * np.minimum(s, 1 - s)) ** 0.6),
         rosette(20, girth, 1.7 * (1 - np.cos(t)), girth * np.tan(np.pi / 20)),
     )
 

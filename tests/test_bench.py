@@ -11,6 +11,7 @@ from warprt.benchmarks import leaks, meshes, rates, rays
 from warprt.benchmarks.agreement import agreement
 from warprt.benchmarks.engines import Ours
 from warprt.cli import main
+from warprt.launch import default_threads
 from warprt.timing import alternating, ratio
 
 
@@ -139,10 +140,31 @@ def test_there_is_no_plot_of_some_topics(tmp_path, capsys):
     assert not path.exists()
 
 
-def test_census_of_leaks_finds_none_of_ours(capsys):
-    assert main(["bench", "leaks", "--rays", "1e6", "--accuracy", "robust"]) == 0
-    ours = next(line for line in capsys.readouterr().out.splitlines() if line.startswith("warprt robust"))
-    assert ours.count("0 of 1,0") == 3
+def test_census_of_leaks_finds_none_of_ours(accuracy, device):
+    """Rows 5 and 41 to 43 of the conformance matrix: a million rays of each aim, over all meshes and offsets. Exact."""
+    counts = leaks.measure({accuracy: 1_000_000}, default_threads(), device, with_peers=False)
+    assert set(counts) == {"random", "edge", "vertex"}
+    for found in counts.values():
+        assert list(found) == [f"warprt {accuracy}"]
+        assert found[f"warprt {accuracy}"]["rays"] >= 1_000_000
+        assert found[f"warprt {accuracy}"]["leaks"] == 0
+
+
+def test_census_command_casts_as_many_rays_as_each_accuracy_asks_for(tmp_path, capsys):
+    path = tmp_path / "leaks.json"
+    options = ["--rays", "5000", "--accuracy", "robust,fast,double:2e3", "-o", str(path)]
+    assert main(["bench", "leaks", *options]) == 0
+    assert "warprt double" in capsys.readouterr().out
+    for found in json.loads(path.read_text())["results"].values():
+        assert found["warprt robust"]["rays"] == found["warprt fast"]["rays"] == found["wp.Mesh"]["rays"] == 5019
+        assert found["warprt double"]["rays"] == 2016
+        assert found["warprt robust"]["leaks"] == found["warprt double"]["leaks"] == 0
+
+
+@pytest.mark.parametrize("accuracy", ["robust:many", "robust:inf", "robust:", "best", "robust:0"])
+def test_census_command_refuses_what_it_cannot_do(accuracy, capsys):
+    assert main(["bench", "leaks", "--rays", "1000", "--accuracy", accuracy]) == 2
+    assert "accuracy" in capsys.readouterr().err or accuracy.endswith("0")
 
 
 def test_census_counts_the_rays_that_leak():

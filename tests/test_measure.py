@@ -160,11 +160,14 @@ def test_tradeoff_command(tmp_path, capsys):
     options = ["--rays", "2000", "--rounds", "1", "--device", "cpu", "-o", str(path), "--plot", str(plot)]
     assert main(["tradeoff", "showcase", *options]) == 0
     out = capsys.readouterr().out
-    for word in ("robust", "samples", "max_bounces", "same_bits"):
+    for word in ("robust", "samples", "max_bounces", "same_bits", "jumps", "float32 normalised"):
         assert word in out
     results = json.loads(path.read_text())["results"]
     assert set(results["tiers"]) == set(TIERS)
     assert all(entry["same_bits"] for entry in results["grid"].values())
+    assert set(results["jumps"]) == {"on", "off"}
+    assert all(entry["same_bits"] for entry in results["jumps"].values())
+    assert set(results["directions"]) == {"float32", "float64"}
     assert plot.stat().st_size > 5000
 
 

@@ -6,6 +6,7 @@ import numpy as np
 import warp as wp
 
 from . import checks
+from .cautions import cautions
 from .measure import sample_rays
 from .mesh import Mesh
 from .scene import Instance, Scene
@@ -41,6 +42,9 @@ class Audit:
     tolerance: float
     recommended: str | None
     """The cheapest accuracy that is predicted to keep the tolerance; None if none does."""
+    warnings: list[str]
+    """What is too small, by object: faces that lose their area in float32, spheres that float32 rays from the camera
+    hit by chance, shapes so thin that secondary rays may start on their other side."""
 
     def __str__(self) -> str:
         lines = [
@@ -63,6 +67,7 @@ class Audit:
             lines.append(f"no accuracy is predicted to keep {self.tolerance:.2g}")
         else:
             lines.append(f"for a tolerance of {self.tolerance:.2g}: {self.recommended}")
+        lines += [f"warning: {line}" for line in self.warnings]
         return "\n".join(lines)
 
 
@@ -102,6 +107,7 @@ def audit(
         predicted=predicted,
         tolerance=tolerance,
         recommended=kept[0] if kept else None,
+        warnings=cautions(tracers["robust"]),
     )
 
 

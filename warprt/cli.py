@@ -87,7 +87,9 @@ def _parser() -> _Parser:
     bench.add_argument("--field", metavar="FILE", help="also this mesh, small in the middle of a wide field")
     bench.add_argument("--size", type=int, metavar="N", help="at most N x N rays of a kind; default 512")
     bench.add_argument("--rays", type=float, metavar="N", help="for leaks: rays of each aim; default 1e6")
-    bench.add_argument("--accuracy", default="robust", metavar="T,...", help="for leaks: tiers; default robust")
+    bench.add_argument(
+        "--accuracy", default="robust", metavar="T,...", help="for leaks: tiers, or tier:rays; default robust"
+    )
     bench.add_argument("--threads", type=int, metavar="N", help="of all that can use several; default: all cores")
     bench.add_argument("-o", "--output", type=Path, metavar="JSON", help="write the figures, machine and versions")
     bench.add_argument("--plot", type=Path, metavar="PNG", help="draw the ratios")

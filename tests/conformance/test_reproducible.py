@@ -65,7 +65,7 @@ def rays_for(name, count):
 
 @pytest.mark.parametrize("name", [*FIVE, "all shapes"])
 def test_any_hit_says_whether_there_is_a_closest_hit(name, accelerator, accuracy, device, rng):
-    """Row 70. Exact, with limits and without. All hits of a ray are not to be had yet."""
+    """Row 70. Exact, with limits and without."""
     count = 100_000 if accelerator == "grid" else 4_000
     o, d = rays_for(name, count)
     tracer = tracer_of(scene(name), accuracy, device, accelerator)
@@ -79,6 +79,26 @@ def test_any_hit_says_whether_there_is_a_closest_hit(name, accelerator, accuracy
     assert 0.01 < hits.hit.mean() < 0.9
     # The closest hit is the last: before it, there is nothing.
     assert not tracer.occluded(o[hits.hit], d[hits.hit], t_min[hits.hit], before(hits.t[hits.hit], accuracy)).any()
+
+
+@pytest.mark.parametrize("name", [*FIVE, "all shapes"])
+def test_first_of_all_hits_is_the_closest(name, accelerator, accuracy, device, rng):
+    """Row 70. Bit-equal, with limits and without; and there are none where nothing is met."""
+    count = 20_000 if accelerator == "grid" else 2_000
+    o, d = rays_for(name, count)
+    tracer = tracer_of(scene(name), accuracy, device, accelerator)
+    t_min = rng.uniform(-2, 1, count)
+    fields = ("t", "instance_id", "primitive_id")
+    for limits in ((0.0, np.inf), (t_min, t_min + rng.exponential(0.3, count))):
+        every = tracer.cast_all(o, d, *limits, outputs=fields)
+        counts = np.diff(every.offsets)
+        closest = tracer.cast(o, d, *limits, outputs=("hit", *fields))
+        np.testing.assert_array_equal(counts > 0, closest.hit)
+        np.testing.assert_array_equal(tracer.count(o, d, *limits), counts)
+        for field in fields:
+            first = getattr(every, field)[every.offsets[:-1][closest.hit]]
+            np.testing.assert_array_equal(first, getattr(closest, field)[closest.hit])
+    assert counts.max() > 1
 
 
 def before(t, accuracy):

@@ -10,6 +10,7 @@ from test_cast import CUBE_FACES, CUBE_VERTICES
 from test_grid import sphere_mesh
 
 import warprt as rt
+from warprt.cautions import cautions
 
 CUBE = rt.Mesh(CUBE_VERTICES, CUBE_FACES)
 
@@ -283,11 +284,17 @@ def slab(kind, thickness):
 @pytest.mark.parametrize("thickness", [1e-5, 1e-10])
 @pytest.mark.parametrize("kind", ["box", "mesh"])
 def test_no_light_leaks_through_a_thin_wall(kind, thickness, accelerator, accuracy, device, rng):
-    """Row 67. Where the wall is more than 4 bounds thick, the offset does not take a ray through it: exact."""
-    if kind == "mesh" and accuracy == "robust" and thickness < 1e-5:
-        pytest.skip("thinner than the bound of a float32 mesh of this size, 2e-6")
+    """Row 67. Where the wall is more than 4 bounds thick, the offset does not take a ray through it: exact.
+
+    Where it is not, there is a warning, which speaks of `robust`: the bound of a float32 mesh of this size is 2e-6.
+    """
+    is_thin = kind == "mesh" and thickness < 1e-5
     for m in (np.eye(4), placement(rotation(rng), rng.uniform(-100, 100, 3))):
         tracer = tracer_of(rt.Scene([rt.Instance(slab(kind, thickness), m)]), accuracy, device, accelerator)
+        lines = cautions(tracer)
+        assert len(lines) == is_thin
+        if is_thin:
+            assert "is 1e-10 thick" in lines[0]
         for side in (1, -1):
             target = np.column_stack([rng.uniform(99.01, 100.99, (10_000, 2)), np.full(10_000, 100 + thickness / 2)])
             local_o = target + np.column_stack([rng.uniform(-2, 2, (10_000, 2)), rng.uniform(1, 3, 10_000) * side])
@@ -297,6 +304,9 @@ def test_no_light_leaks_through_a_thin_wall(kind, thickness, accelerator, accura
             assert hits.hit.all()
             n = side * m[:3, 2]
             bound = np.abs((hits.spawn(n)[0] - hits.spawn(-n)[0]) @ n) / 2
+            if is_thin and accuracy == "robust":
+                assert (4 * bound > thickness).all()
+                continue
             assert (4 * bound < thickness).all()
             origins, _ = hits.spawn(light - p)
             assert tracer.occluded(origins, light - origins, t_max=1.0).all()
@@ -377,12 +387,12 @@ def test_corner_reflector_sends_rays_back(kind, turn, accuracy, device, rng):
     """Row 69: the angle between what comes in and what goes out is at most 16 u.
 
     Each of three normals is off by a roundoff of its length, u; a mirror turns the ray by up to 4 of that. No ray
-    meets a mirror again at once, and after three bounces none meets anything.
+    meets a mirror again at once, and after three bounces none meets anything. Over a million rays, in nine cases.
     """
     scene, m = reflector(kind, turn)
     tracer = tracer_of(scene, accuracy, device)
-    start = rng.uniform(0.5, 3, (50_000, 3))
-    inward = -rng.uniform(0.25, 1, (50_000, 3))
+    start = rng.uniform(0.5, 3, (112_000, 3))
+    inward = -rng.uniform(0.25, 1, (112_000, 3))
     d = inward @ m[:3, :3].T
     d /= np.linalg.norm(d, axis=1, keepdims=True)
     o, first = applied(m, start), d

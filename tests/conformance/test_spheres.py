@@ -25,6 +25,7 @@ from conformance.scenes_b import (
 from exact import exactly
 
 import warprt as rt
+from warprt.cautions import cautions
 
 
 def passing_rays(rng, center, radius, distances, impacts):
@@ -173,6 +174,16 @@ def test_tiny_sphere_far_away_is_met_where_it_is(accuracy, device):
         half_chord, length = np.sqrt(2e-6 * -off[k]), np.linalg.norm(d[k])
         tolerance = (2e-6 * band[k] / half_chord + 4 * band[k]) / length + 2 * U[accuracy] * hits.t[k]
         assert oracle.error(hits.t[k], t[k]) <= tolerance
+
+
+def test_tiny_sphere_far_away_is_named(device):
+    """Row 51: the warning. Rays in float64 meet it, as above; rays in float32, from where the camera is, by chance."""
+    scene, center, _, _, _, _ = speck()
+    (line,) = cautions(rt.Tracer(rt.Scene(scene.objects, camera=rt.Camera((0, 0, 0), center)), device=device))
+    # An ulp of float32 at 1e6.
+    assert "sphere of radius 1e-06, 1e+06 from the camera, where float32 rays are 0.12 apart" in line
+    near = rt.Camera(center + (0, 0, 1), center)
+    assert "0.095 apart" in cautions(rt.Tracer(rt.Scene(scene.objects, camera=near), device=device))[0]
 
 
 def test_error_of_a_sphere_smaller_than_the_rounding_of_t_is_bounded(accuracy, device):

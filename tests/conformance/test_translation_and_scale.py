@@ -24,6 +24,7 @@ from test_cast import CUBE_FACES, CUBE_VERTICES
 from test_grid import sphere_mesh
 
 import warprt as rt
+from warprt.cautions import cautions
 
 AROUND = np.array((1.0, -0.7, 0.3))
 """All offsets go this way."""
@@ -55,10 +56,7 @@ COLLAPSED = (1.0, (1e9, 1e9, 1e9), np.float32)
 
 
 def test_scene_below_the_resolution_of_float32_is_met_where_anything_is_left(accuracy, device, accelerator):
-    """Row 2: at 1e9 in float32 the sphere stays one, and the box is a point, which is legal. T2.
-
-    The contract has no warning here, which the row asks for: a tracer sees the rounded numbers alone.
-    """
+    """Row 2: at 1e9 in float32 the sphere stays one, and the box is a point, which is legal. T2."""
     scene = solids(*COLLAPSED)
     assert (scene.lower == scene.upper).all()
     rng = np.random.default_rng(2)
@@ -87,6 +85,21 @@ def test_cube_below_the_resolution_of_float32_is_never_hit(accuracy, device, acc
     d = np.concatenate([cube.vertices[0] - o[:5000], d])
     d[(d == 0).all(axis=1)] = 1
     assert not tracer_of(lost_cube, accuracy, device, accelerator).cast(o, d).hit.any()
+
+
+def test_what_is_below_the_resolution_of_float32_is_named(device):
+    """Row 2: the warning. Of the scene as rounded, and of one whose own small parts `robust` would round away."""
+    camera = rt.Camera((0, 0, 0), (1, 1, 1))
+    lines = cautions(rt.Tracer(rt.Scene(solid_objects(*COLLAPSED), camera=camera), device=device))
+    assert [line.partition(":")[0] for line in lines] == [f"objects[{k}]" for k in (SPHERE, BOX, CUBE)]
+    for line, words in zip(lines, ("float32 rays are", "is a point", "12 faces has an area"), strict=True):
+        assert words in line
+    # In float64 the cube is one; in one mesh with another one at 1e9, its vertices merge in float32.
+    cube = np.array(CUBE_VERTICES, float)
+    faces = np.concatenate([CUBE_FACES, np.array(CUBE_FACES) + len(cube)])
+    scene = rt.Scene([rt.Mesh(np.concatenate([cube, 1e9 + cube]), faces)], camera=camera)
+    (line,) = cautions(rt.Tracer(scene, device=device))
+    assert "24 of 24 faces lose their area" in line
 
 
 def test_shifted_scene_in_float64_has_the_hits_of_its_rounded_inputs(accuracy, device, accelerator):
