@@ -29,12 +29,12 @@ def offset_bound(w: Mat33, a: Mat33, b: Vec3, p_local: Vec3, n_local: Vec3, n_wo
 
     `error` bounds what the shape's own test can be off by, in canonical space. To it come the roundings of the origin,
     A p + b and the step off the surface, and those of its way back, W (o - b), each times the terms that are added up:
-    three for a product of matrix and vector, one for a sum, and four for each element of W.
+    three for a product of matrix and vector, one for a sum, and two for each element of W.
     """
     u = unit_roundoff(error)
     from_b = a * p_local
-    at = type(error)(3.0) * (magnitude(a, p_local) + wp.abs(from_b + b))
-    local = error + type(error)(8.0) * u * wp.dot(wp.abs(n_local), magnitude(w, from_b))
+    at = type(error)(3.0) * magnitude(a, p_local) + type(error)(2.0) * wp.abs(from_b + b)
+    local = error + type(error)(6.0) * u * wp.dot(wp.abs(n_local), magnitude(w, from_b))
     # Along n_world, a step of 1 leaves the local surface by |W^T n_local|.
     return u * wp.dot(wp.abs(n_world), at) + local / wp.length(wp.transpose(w) * n_local)
 
@@ -76,7 +76,7 @@ def make_surface(spec: Spec):
     has_mesh = spec.has_mesh
     face_ray, hit_slot = (make_face_ray(tier), make_hit_slot(spec)) if has_mesh else (None, None)
 
-    edges = make_edges(spec) if has_mesh else None
+    edges, is_rounded = make_edges(spec) if has_mesh else None, result is not wide
 
     @wp.func
     def surface(scene: Scene, o: vec, d: vec, t_min: wide, hit: Hit) -> Surface:
@@ -118,9 +118,13 @@ def make_surface(spec: Spec):
                 p0, e1, e2 = edges(mesh, hit.primitive)
                 p = p0 + s.u * e1 + s.v * e2
                 n = unit(wp.cross(e1, e2))
-                # Of the tier's arithmetic: o, d and the sheared corners carry about 25 roundings of the largest corner.
+                # Of the test of a face, see docs/numerics.md; of p; and of the origin, where it is rounded to float32.
                 size = larger(wp.max(wp.abs(shape.lower)), wp.max(wp.abs(shape.upper)))
-                error = wide(32.0) * wide(unit_roundoff(result(1.0))) * size
+                along = wp.abs(s.u * e1) + wp.abs(s.v * e2)
+                of_p = unit_roundoff(hit.t) * (wide(2.0) * wp.abs(p) + wide(3.0) * along)
+                error = wide(18.0) * wide(unit_roundoff(result(1.0))) * size + wp.dot(wp.abs(n), of_p)
+                if wp.static(is_rounded):
+                    error += wide(unit_roundoff(result(1.0))) * wp.dot(wp.abs(n), wp.abs(p))
         w, a = mat_at(scene.instances.local_from_world, i), mat_at(scene.instances.world_from_local, i)
         b = vec_at(scene.instances.origin, i)
         s.position = location_to_world(a, b, p)

@@ -15,7 +15,7 @@ from .typing import ArrayLike
 
 CELLS_PER_INSTANCE = 0.5
 """Cells of the grid over instances, for each of them."""
-INVERSE_ERROR = 4 * 2.0**-53
+INVERSE_ERROR = 2 * 2.0**-53
 """Bound of the relative error of each element of an inverse; see double_double.py."""
 FEWEST_LISTED = 16
 """With fewer bounded instances than this, testing each is as fast as a grid."""
