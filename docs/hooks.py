@@ -1,0 +1,84 @@
+"""Hooks of mkdocs: pages link to the repository's own files, and snippets of several libraries stand side by side.
+
+Pages are written for a reader of the repository as well. A link such as `../kernels/spec.py` leads to that file there;
+in the site it leads to a page that shows the file, a picture to its copy, and a folder to a list of its files.
+"""
+
+import posixpath
+import re
+from pathlib import Path
+
+from mkdocs.structure.files import File, InclusionLevel
+
+ROOT = Path(__file__).resolve().parents[1]
+LINK = re.compile(r"(?<=\]\()(\.\./[^)\s#]*)(?=[)#])")
+PICTURES = {".png", ".jpg"}
+SHOWN = {".py": "python", ".cfg": "text", ".toml": "toml", ".md": "markdown", ".ipynb": "json", "": "text"}
+LIBRARY = re.compile(r"^\*\*([^*\n]+)\*\*\n\n(```python\n.*?\n```)\n+", re.MULTILINE | re.DOTALL)
+
+
+def on_files(files, config):
+    """Adds a page, or a copy, for each file of the repository that a page links to."""
+    for page in list(files.documentation_pages()):
+        for _, target in _outward(page.src_uri, page.content_string):
+            uri = _site_uri(target)
+            if files.get_file_from_path(uri) is not None:
+                continue
+            source = ROOT / target
+            if source.suffix in PICTURES:
+                files.append(File.generated(config, uri, abs_src_path=str(source)))
+            else:
+                text = _listing(source) if source.is_dir() else _shown(source)
+                files.append(File.generated(config, uri, content=text, inclusion=InclusionLevel.NOT_IN_NAV))
+    return files
+
+
+def on_page_markdown(markdown, page, config, files):
+    """Turns links out of docs/ to what `on_files` has added, and snippets of libraries into columns."""
+    here = posixpath.dirname(page.file.src_uri)
+    for link, target in set(_outward(page.file.src_uri, markdown)):
+        uri = posixpath.relpath(_site_uri(target), here or ".")
+        markdown = re.sub(rf"(?<=\]\(){re.escape(link)}(?=[)#])", uri, markdown)
+    return _side_by_side(markdown) if page.meta.get("snippets") == "side by side" else markdown
+
+
+def _outward(src_uri, markdown):
+    """(link, file of the repository) of each relative link that leaves docs/. What does not exist is left to mkdocs."""
+    for link in LINK.findall(markdown):
+        target = posixpath.normpath(posixpath.join("docs", posixpath.dirname(src_uri), link))
+        if not target.startswith(("docs/", "..")) and (ROOT / target).exists():
+            yield link, target
+
+
+def _site_uri(target):
+    """Where a file of the repository comes to lie among the pages."""
+    return f"source/{target}" if Path(target).suffix in PICTURES else f"source/{target}.md"
+
+
+def _shown(source):
+    """A page with the text of a file."""
+    text = source.read_text(encoding="utf-8")
+    fence = "`" * 4
+    return f"# {source.relative_to(ROOT)}\n\n{fence} {SHOWN[source.suffix]}\n{text.rstrip()}\n{fence}\n"
+
+
+def _listing(folder):
+    """A page with the names of a folder's files."""
+    names = sorted(path.name for path in folder.iterdir() if not path.name.startswith(("_", ".")))
+    return f"# {folder.relative_to(ROOT)}\n\n" + "".join(f"- {name}\n" for name in names)
+
+
+def _side_by_side(markdown):
+    """Runs of a bold library name and a block of code: ours in one column, the others as tabs in the other."""
+
+    def columns(run):
+        blocks = dict(LIBRARY.findall(run.group()))
+        ours = blocks.pop("warprt")
+        tabs = "".join(f'=== "{name}"\n\n{_indented(block)}\n\n' for name, block in blocks.items())
+        return f'<div class="grid" markdown>\n\n{tabs}\n=== "warprt"\n\n{_indented(ours)}\n\n</div>\n\n'
+
+    return re.sub(f"(?:{LIBRARY.pattern}){{2,}}", columns, markdown + "\n", flags=LIBRARY.flags)
+
+
+def _indented(block):
+    return "\n".join("    " + line for line in block.split("\n"))
