@@ -11,12 +11,12 @@ from .cameras import CAMERAS, AnyCamera
 from .lights import AmbientLight, DirectionalLight, GradientSky, PointLight
 from .materials import Material
 from .mesh import Mesh
-from .shapes import Box, Plane, Sphere
+from .shapes import Box, Capsule, Cone, Cylinder, Disk, Plane, Sphere
 from .transform import affine, as_transform, inverse_linear
 from .typing import ArrayLike, Placement
 
-Shape: TypeAlias = Sphere | Box | Plane | Mesh
-SHAPES = (Sphere, Box, Plane, Mesh)
+Shape: TypeAlias = Sphere | Box | Plane | Mesh | Cylinder | Cone | Capsule | Disk
+SHAPES = (Sphere, Box, Plane, Mesh, Cylinder, Cone, Capsule, Disk)
 LIGHTS = (AmbientLight, PointLight, DirectionalLight)
 
 
