@@ -21,7 +21,7 @@ def part_at(z: Real, half: Real):
 
 @wp.func
 def roots_end(o: Vec3, d: Vec3, r: Real, half: Real, part: int):
-    """(is_hit, near, far) of the sphere at one end; where the ray passes it, the parameter of the point nearest to it."""
+    """(is_hit, near, far) of the sphere at one end; where the ray passes it, both are where it is nearest."""
     zero = type(r)(0.0)
     p = type(o)(o[0], o[1], o[2] - wp.where(part == LOWER, -half, half))
     a = wp.dot(d, d)

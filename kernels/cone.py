@@ -2,10 +2,10 @@
 
 import warp as wp
 
-from .capped import LOWER, SIDE, UPPER, capped, is_within_rim
+from .capped import LOWER, UPPER, capped, is_within_rim
 from .generic import Real, Vec3
 from .quadratic import roots_quadratic
-from .rounding import larger, smaller
+from .rounding import larger, smaller, unit_roundoff
 
 
 @wp.func
@@ -51,6 +51,19 @@ def roots_nappe(o: Vec3, d: Vec3):
 
 
 @wp.func
+def touch_apex(o: Vec3, d: Vec3, half: Real):
+    """(touches, t): whether o + t d is the apex, but for rounding. No side tells: its roots there are all rounding."""
+    zero = type(half)(0.0)
+    if d[2] != zero:
+        t = (half - o[2]) / d[2]
+        return is_within_rim(o, d, t, zero), t
+    one, other = o[0] * d[1], o[1] * d[0]
+    # Two rounded products: equal, where the axis is met.
+    is_met = wp.abs(one - other) <= type(half)(2.0) * unit_roundoff(half) * (wp.abs(one) + wp.abs(other))
+    return is_met and o[2] == half, -(o[0] * d[0] + o[1] * d[1]) / (d[0] * d[0] + d[1] * d[1])
+
+
+@wp.func
 def roots_cone(o: Vec3, d: Vec3, r: Real, half: Real):
     """Where o + t d enters and leaves the cone, as (is_hit, near, far, near_part, far_part, along_part).
 
@@ -62,12 +75,8 @@ def roots_cone(o: Vec3, d: Vec3, r: Real, half: Real):
     is_hit, near, far, is_along = roots_nappe(p, v)
     if is_hit:
         return capped(o, d, near, far, is_along, half, r, zero)
-    if d[2] != zero:
-        # A ray that passes the apex touches it, but for rounding.
-        t = (half - o[2]) / d[2]
-        if is_within_rim(o, d, t, zero):
-            return True, t, t, UPPER, UPPER, -1
-    return False, near, far, SIDE, SIDE, -1
+    touches, t = touch_apex(o, d, half)
+    return touches, t, t, UPPER, UPPER, -1
 
 
 @wp.func

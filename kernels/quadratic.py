@@ -10,7 +10,7 @@ from .rounding import larger, smaller
 def roots_quadratic(a: Real, b: Real, c: Real, quarter_discriminant: Real):
     """(near, far), in ascending order, of which one may be infinite; the same float where nothing is left over.
 
-    The root that would cancel comes from the product of the roots (Haines, Guenther & Akenine-Moeller, RTG 2019, ch. 7).
+    The root that would cancel comes from the product of the roots (Haines et al., RTG 2019, ch. 7).
     """
     if not quarter_discriminant > type(a)(0.0):
         return b / a, b / a

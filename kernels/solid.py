@@ -1,4 +1,4 @@
-"""Cylinder, cone and capsule as one: convex, about the z axis, of radius upper[0], |z| <= upper[2] without round ends."""
+"""Cylinder, cone and capsule as one: convex, about the z axis, of radius upper[0] and half height upper[2]."""
 
 from functools import cache
 

@@ -2,12 +2,17 @@
 
 import numpy as np
 import pytest
+import solids
 from test_grid import sphere_mesh
 from test_instancing import random_matrices
 
 import warprt as rt
 
-SHAPES = {"sphere": rt.Sphere(), "box": rt.Box(), "mesh": rt.Mesh(*sphere_mesh(12))}
+SHAPES = {"sphere": rt.Sphere(), "box": rt.Box(), "mesh": rt.Mesh(*sphere_mesh(12)), **solids.UNIT}
+
+
+def scene_of(kind, m):
+    return solids.scene_of(kind, SHAPES[kind], m) if kind in solids.UNIT else rt.Scene([rt.Instance(SHAPES[kind], m)])
 
 
 def cases(rng):
@@ -23,7 +28,7 @@ def cases(rng):
 @pytest.mark.parametrize("kind", SHAPES)
 def test_rays_leaving_a_convex_shape_never_meet_it(kind, accuracy, device, rng):
     for m in cases(rng):
-        tracer = rt.Tracer(rt.Scene([rt.Instance(SHAPES[kind], m)]), accuracy, device)
+        tracer = rt.Tracer(scene_of(kind, m), accuracy, device)
         center = m[:3, 3]
         target = center + (m[:3, :3] @ (0.5 * rng.uniform(-1, 1, (3, 500)))).T
         size = np.abs(m[:3, :3]).max()
@@ -47,7 +52,7 @@ def test_rays_leaving_a_convex_shape_never_meet_it(kind, accuracy, device, rng):
 def test_offset_is_a_few_ulp(kind, accuracy, device, rng):
     u = {"robust": 2.0**-24, "mixed": 2.0**-53, "double": 2.0**-53}[accuracy]
     for m in cases(rng):
-        tracer = rt.Tracer(rt.Scene([rt.Instance(SHAPES[kind], m)]), accuracy, device)
+        tracer = rt.Tracer(scene_of(kind, m), accuracy, device)
         o = m[:3, 3] + 10 * np.abs(m[:3, :3]).max() * rng.normal(size=(200, 3))
         hits = tracer.cast(o, m[:3, 3] - o)
         up, down = hits.spawn(hits.normal)[0], hits.spawn(-hits.normal)[0]

@@ -180,7 +180,7 @@ class Cylinder(_Round):
 
 @dataclass(frozen=True, eq=False)
 class Cone(_Round):
-    """The closed cone whose base disk, of `radius`, lies `height` / 2 below `center` and its apex as much above, along z.
+    """The closed cone whose base, of `radius`, lies `height` / 2 below `center` and whose apex as much above, along z.
 
     The rim belongs to the base; the normal at the apex is +z. Raises ValueError as Cylinder does.
     """
