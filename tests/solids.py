@@ -27,7 +27,7 @@ def scene_of(kind, shape, matrix=None):
 
 
 def distance(kind, p, radius, height):
-    """Signed distance of points (n, 3) from the surface about the origin, negative within: exact near it and outside."""
+    """Signed distance of points (n, 3) from the surface about the origin, negative within: exact near and outside."""
     from_axis, z, half = np.linalg.norm(p[:, :2], axis=1), p[:, 2], height / 2
     if kind == "capsule":
         beyond = z - np.clip(z, -half, half)

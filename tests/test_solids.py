@@ -7,6 +7,8 @@ import solids
 from solids import SHAPES, SOLIDS, UNIT, scene_of
 
 import warprt as rt
+from warprt.audit import _smallest_feature
+from warprt.measure import errors
 
 U = {"robust": 2.0**-24, "mixed": 2.0**-53, "double": 2.0**-53}
 
@@ -111,7 +113,8 @@ def test_hits_under_affine_placements_match_longer_floats(kind, accuracy, device
         if kind == "disk":
             expected, chosen = np.linalg.solve(linear.T, (0, 0, 1.0)), np.ones(len(local), bool)
             expected = np.broadcast_to(expected / np.linalg.norm(expected), local.shape)
-        assert chosen.mean() > 0.85
+        # A fifth of the points lies on rims.
+        assert chosen.mean() > 0.75
         # Central differences are good to 1e-7; positions are rounded, which turns normals by that over the curvature.
         np.testing.assert_allclose(hits.normal[is_hit][chosen], expected[chosen], atol=1e-6 + 50 * scale)
 
@@ -169,15 +172,18 @@ def test_bounds_hold_the_shapes(rng):
         assert (p <= upper).all()
 
 
-def test_measure_and_audit_know_the_shapes(device):
+def test_truth_and_audit_know_the_shapes(device, rng):
     scene = rt.Scene(
         [rt.Instance(shape, rt.Transform().translate(3 * k, 0, 0)) for k, shape in enumerate(UNIT.values())]
     )
-    measured = rt.measure(scene, ["robust", "double"], rays=2000, rounds=1, device=device)
-    for name, limit in (("robust", 1e-6), ("double", 1e-13)):
-        assert measured[name].bound_violations == 0
-        assert measured[name].false_hits == measured[name].false_misses == 0
-        assert measured[name].self_hits == 0
-        assert measured[name].t_relative["p99"] < limit
-    small = rt.Scene([rt.Instance(rt.Cone(0.5, 0.25), rt.Transform().scale(0.5)), rt.Cylinder()])
-    assert rt.audit(small, rays=100, device=device).smallest_feature == 0.125
+    o = rng.uniform((-2, -4, -4), (11, 4, 4), (3000, 3))
+    d = rng.uniform((-1, -1, -1), (10, 1, 1), (3000, 3)) - o
+    double, robust = (rt.Tracer(scene, name, device) for name in ("double", "robust"))
+    truth = double.cast(o, d)
+    assert np.bincount(truth.instance_id[truth.hit], minlength=4).min() > 100
+    for tracer, limit in ((robust, 1e-7), (double, 1e-13)):
+        found = errors(tracer, tracer.cast(o, d), truth, o, d)
+        assert found["bound_violations"] == found["false_hits"] == found["false_misses"] == 0
+        assert found["t_relative"]["p99"] < limit
+    small = rt.Scene([rt.Instance(rt.Cone(0.5, 0.25), rt.Transform().scale(0.5)), rt.Cylinder(), rt.Disk(0.3)])
+    assert _smallest_feature(small) == 0.125
