@@ -157,6 +157,30 @@ def test_grid_equals_no_grid(accuracy, device, rng):
     assert set(one.instance_id[one.hit] // 100) == {0, 1, 2, 3}
 
 
+@pytest.mark.parametrize("kind", SOLIDS)
+def test_all_hits_are_the_way_in_and_the_way_out(kind, accuracy, device, rng):
+    shape = UNIT[kind]
+    o = 4 * rng.normal(size=(500, 3))
+    d = rng.uniform(-0.4, 0.4, (500, 3)) - (0, 0, 0.3) - o
+    tracer = tracer_of(kind, accuracy, device)
+    hits, first = tracer.cast_all(o, d), tracer.cast(o, d)
+    outside = solids.distance(kind, o, shape.radius, shape.height) > 0
+    np.testing.assert_array_equal(np.diff(hits.offsets), np.where(outside, 2, 1))
+    np.testing.assert_array_equal(hits.t[hits.offsets[:-1]], first.t)
+    np.testing.assert_array_equal(hits.normal[hits.offsets[:-1]], first.normal)
+    rays = np.repeat(np.arange(500), np.diff(hits.offsets))
+    along = np.einsum("ni,ni->n", hits.normal, d[rays])
+    assert (along[hits.offsets[:-1]][outside] < 0).all()
+    assert (along[hits.offsets[1:] - 1] > 0).all()
+    # Touches of sides, rims and apex are one hit each.
+    o, d = {
+        "cylinder": ([(1, 5, 0), (3, 0, -1)], [(0, -1, 0), (-1, 0, 1)]),
+        "cone": ([(0, 5, 1), (3, 0, 1)], [(0, -1, 0), (-1, 0, -1)]),
+        "capsule": ([(1, 5, 0), (0, 4, 2)], [(0, -1, 0), (0, -1, 0)]),
+    }[kind]
+    np.testing.assert_array_equal(np.diff(tracer.cast_all(o, d).offsets), 1)
+
+
 def test_bounds_hold_the_shapes(rng):
     for kind, shape in SHAPES.items():
         p = solids.points_on(kind, rng, 4000, shape.radius, getattr(shape, "height", 0)) + shape.center

@@ -28,10 +28,9 @@ class Canonical(NamedTuple):
         size = (self.upper - self.lower).max() + 2 * self.reach
         return float(2.0**-20 * size + 2.0**-48 * max(np.abs(self.lower).max(), np.abs(self.upper).max()))
 
-    @property
-    def padded(self) -> tuple[np.ndarray, np.ndarray]:
-        """(lower, upper) corners of the widened bounds."""
-        beyond = np.array((0, 0, self.reach)) + self.pad
+    def corners(self, pad: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
+        """(lower, upper) of all of the shape, widened on all sides."""
+        beyond = np.array((0, 0, self.reach)) + pad
         return self.lower - beyond, self.upper + beyond
 
 
