@@ -138,8 +138,8 @@ def make_surface(spec: Spec):
                 n = unit(wp.cross(e1, e2))
                 # Of the test of a face, see docs/numerics.md; of p; and of the origin, where it is rounded to float32.
                 size = larger(wp.max(wp.abs(shape.lower)), wp.max(wp.abs(shape.upper)))
-                along = wp.abs(s.u * e1) + wp.abs(s.v * e2)
-                of_p = unit_roundoff(hit.t) * (wide(2.0) * wp.abs(p) + wide(3.0) * along)
+                shares = wp.abs(s.u * e1) + wp.abs(s.v * e2)
+                of_p = unit_roundoff(hit.t) * (wide(2.0) * wp.abs(p) + wide(3.0) * shares)
                 error = wide(18.0) * wide(unit_roundoff(result(1.0))) * size + wp.dot(wp.abs(n), of_p)
                 if wp.static(is_rounded):
                     error += wide(unit_roundoff(result(1.0))) * wp.dot(wp.abs(n), wp.abs(p))
