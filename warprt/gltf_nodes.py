@@ -1,0 +1,99 @@
+"""The tree of nodes of a glTF file: where things stand in the world."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from .gltf import Document
+from .gltf_accessors import read_floats
+from .json_record import Record
+
+
+def walk(document: Document) -> Iterator[tuple[Record, np.ndarray]]:
+    """(node, world_from_node) of the nodes of the scene to show, parents before children, in the order of the file.
+
+    Raises ValueError where a node has two parents, or is its own ancestor.
+    """
+    seen: set[int] = set()
+    stack = [(index, np.eye(4)) for index in reversed(_roots(document))]
+    while stack:
+        index, world_from_parent = stack.pop()
+        node = document.find("nodes", index, "the tree of nodes")
+        if index in seen:
+            raise ValueError(f"{node.name} is the child of two nodes, or of itself")
+        seen.add(index)
+        with np.errstate(all="ignore"):  # what overflows is found out later, if it matters
+            world_from_node = world_from_parent @ _parent_from_node(node)
+        yield node, world_from_node
+        stack += [(child, world_from_node) for child in reversed(node.integers("children"))]
+
+
+def _roots(document: Document) -> list[int]:
+    """The nodes that the scene to show starts from; without scenes, those that are no other node's child."""
+    scenes = document.root.values("scenes")
+    number = document.root.integer("scene", 0)
+    if scenes or "scene" in document.root:
+        scene = document.find("scenes", number, "scene")
+        document.note_extensions(scene)
+        for other in range(len(scenes)):
+            if other != number:
+                document.note(f"{document.find('scenes', other, 'scenes').name} is not shown; {scene.name} is")
+        return scene.integers("nodes")
+    count = len(document.root.values("nodes"))
+    children = {c for i in range(count) for c in document.find("nodes", i, "nodes").integers("children")}
+    return [i for i in range(count) if i not in children]
+
+
+def _parent_from_node(node: Record) -> np.ndarray:
+    """(4, 4) float64: the node's matrix, or T R S."""
+    if "matrix" in node:
+        if any(key in node for key in ("translation", "rotation", "scale")):
+            raise ValueError(f"{node.name} has both a matrix and a translation, rotation or scale")
+        matrix = node.numbers("matrix", 16).reshape(4, 4).T
+        if (matrix[3] != (0, 0, 0, 1)).any():
+            raise ValueError(f"{node.name}: its matrix is projective; the last row is {matrix[3].tolist()}")
+        return matrix
+    translation, scale = node.numbers("translation", 3, (0, 0, 0)), node.numbers("scale", 3, (1, 1, 1))
+    rotation = node.numbers("rotation", 4, (0, 0, 0, 1))
+    return _trs(translation[None], rotation[None], scale[None], node.name)[0]
+
+
+def copies(document: Document, node: Record) -> np.ndarray | None:
+    """(N, 4, 4): node_from_copy of EXT_mesh_gpu_instancing, or None without it."""
+    extensions = node.record("extensions", {})
+    if "EXT_mesh_gpu_instancing" not in extensions:
+        return None
+    attributes = extensions.record("EXT_mesh_gpu_instancing").record("attributes")
+    values = {}
+    for key, kind in (("TRANSLATION", "VEC3"), ("ROTATION", "VEC4"), ("SCALE", "VEC3")):
+        if key in attributes:
+            values[key] = read_floats(document, attributes.integer(key), (kind,), f"{node.name}: {key} of its copies")
+    for key in attributes:
+        if key not in values:
+            document.note(f"{node.name}: the attribute {key} of its copies is not understood and left out")
+    counts = {len(value) for value in values.values()}
+    if len(counts) != 1:
+        raise ValueError(
+            f"{node.name}: EXT_mesh_gpu_instancing needs a TRANSLATION, ROTATION or SCALE, each of the same length; "
+            f"got {({key: len(value) for key, value in values.items()})}"
+        )
+    count = counts.pop()
+    translation = values.get("TRANSLATION", np.zeros((count, 3)))
+    rotation = values.get("ROTATION", np.broadcast_to((0.0, 0.0, 0.0, 1.0), (count, 4)))
+    return _trs(translation, rotation, values.get("SCALE", np.ones((count, 3))), node.name)
+
+
+def _trs(translation: np.ndarray, rotation: np.ndarray, scale: np.ndarray, name: str) -> np.ndarray:
+    """(N, 4, 4): T R S of rows; quaternions (x, y, z, w) are made unit."""
+    largest = np.abs(rotation).max(axis=1, keepdims=True)
+    if (largest == 0).any():
+        raise ValueError(f"{name}: rotation must not be zero; got {rotation[int(np.argmin(largest))].tolist()}")
+    rotation = rotation / largest
+    x, y, z, w = (rotation / np.linalg.norm(rotation, axis=1, keepdims=True)).T
+    matrix = np.zeros((len(translation), 4, 4))
+    matrix[:, 0, :3] = np.stack([1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)], axis=1)
+    matrix[:, 1, :3] = np.stack([2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)], axis=1)
+    matrix[:, 2, :3] = np.stack([2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)], axis=1)
+    matrix[:, :3, :3] *= scale[:, None, :]
+    matrix[:, :3, 3], matrix[:, 3, 3] = translation, 1
+    return matrix

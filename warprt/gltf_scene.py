@@ -1,0 +1,156 @@
+"""Scenes from .glb and .gltf files.
+
+Nodes that show the same mesh, equal meshes, and the copies of EXT_mesh_gpu_instancing become one Instances. Instance
+ids follow the order in which meshes first appear in the tree of nodes, then that of the nodes. Materials become ours as
+in `warprt.pbr`; a light of KHR_lights_punctual gives its colour times its intensity, in candela or lux, as it is: a
+white surface that faces a light of intensity 1, at distance 1, is white. A scene without lights is shown by daylight.
+"""
+
+import math
+import warnings
+from pathlib import Path
+
+import numpy as np
+
+from .camera import Camera
+from .gathering import Gathering
+from .gltf import Document
+from .gltf_meshes import Meshes
+from .gltf_nodes import copies, walk
+from .json_record import Record
+from .lights import AmbientLight, DirectionalLight, GradientSky, PointLight, daylight
+from .scene import Scene
+from .shape_records import shape_from_extras
+
+
+def read_gltf(path: str | Path) -> Scene:
+    """The scene in a .glb or .gltf file; what is not understood is warned about by name.
+
+    Raises ValueError that names the file and the object in it that is wrong.
+    """
+    try:
+        document = Document(path)
+        scene = _scene(document)
+    except (ValueError, MemoryError) as error:
+        raise ValueError(f"{path}: {error}") from None
+    for note in document.notes:
+        warnings.warn(f"{path}: {note}", stacklevel=3)
+    return scene
+
+
+def _scene(document: Document) -> Scene:
+    meshes, gathering = Meshes(document), Gathering()
+    cameras, lights = [], []
+    for node, world_from_node in walk(document):
+        document.note_extensions(node)
+        if "skin" in node:
+            document.note(f"{node.name}: its skin is not understood; the mesh stays as it is")
+        if "mesh" in node:
+            _place(document, meshes, gathering, node, world_from_node)
+        elif (plane := shape_from_extras(node)) is not None:
+            material = node.record("extras").record("warprt").integer("material", None)
+            gathering.add(plane, meshes.material(material, node.name), world_from_node[None], _title(node))
+        if "camera" in node:
+            cameras.append((node, document.find("cameras", node.integer("camera"), node.name), world_from_node))
+        extension = node.record("extensions", {})
+        if "KHR_lights_punctual" in extension:
+            number = extension.record("KHR_lights_punctual").integer("light")
+            lights.append(_light(document, node, number, world_from_node))
+    for animation in range(len(document.root.values("animations"))):
+        document.note(f"{document.find('animations', animation, 'animations').name} is not played")
+    document.note_other_extensions()
+    camera = _first_camera(document, cameras)
+    background = (0.0, 0.0, 0.0)
+    own = _own(document)
+    if own is not None:
+        lights += [AmbientLight(light.numbers("color", 3)) for light in own.records("ambient")]
+        background = _background(own)
+    elif not lights:
+        lights, background = daylight()
+    return Scene(gathering.objects(), lights, camera, background, gathering.names())
+
+
+def _place(document: Document, meshes: Meshes, gathering: Gathering, node: Record, world_from_node: np.ndarray) -> None:
+    """Adds the placements of a node's mesh."""
+    node_from_copy = copies(document, node)
+    with np.errstate(all="ignore"):
+        placed = world_from_node[None] if node_from_copy is None else world_from_node @ node_from_copy
+    for shape, material in meshes.read(node.integer("mesh"), node.name):
+        gathering.add(shape, material, placed, _title(node))
+
+
+def _title(node: Record) -> str:
+    """What the file calls a node."""
+    name = node.get("name", None)
+    return name if isinstance(name, str) and name else node.name
+
+
+def _light(document: Document, node: Record, number: int, world_from_node: np.ndarray) -> PointLight | DirectionalLight:
+    lights = document.root.record("extensions", {}).record("KHR_lights_punctual", {}).records("lights")
+    if number >= len(lights):
+        raise ValueError(f"{node.name} refers to lights[{number}]; there are {len(lights)}")
+    light = lights[number]
+    document.note_extensions(light)
+    color = light.numbers("color", 3, (1, 1, 1)) * light.number("intensity", 1.0)
+    kind = light.text("type")
+    if kind not in ("point", "spot", "directional"):
+        raise ValueError(f"{light.name}: type must be point, spot or directional; got {kind!r}")
+    if "range" in light:
+        document.note(f"{light.name}: range is not understood; the light reaches everywhere")
+    if kind == "spot":
+        document.note(f"{light.name}: a spot is not understood; it shines to all sides, as a point light")
+    try:
+        if kind == "directional":
+            return DirectionalLight(-world_from_node[:3, 2], color)
+        extras = light.get("extras", {})
+        own = Record(extras.get("warprt", {}) if isinstance(extras, dict) else {}, f"{light.name}: extras.warprt")
+        return PointLight(world_from_node[:3, 3], color, own.boolean("falloff", True))
+    except ValueError as error:
+        raise ValueError(f"{node.name}: {error}") from None
+
+
+def _first_camera(document: Document, cameras: list) -> Camera | None:
+    """The first camera that we have; the others are noted."""
+    found = None
+    for node, camera, world_from_camera in cameras:
+        document.note_extensions(camera)
+        if found is not None:
+            document.note(f"{camera.name} is left out; the scene is seen by the first camera")
+            continue
+        kind = camera.text("type")
+        if kind == "orthographic":
+            document.note(f"{camera.name} is orthographic, which is not understood, and left out")
+            continue
+        if kind != "perspective":
+            raise ValueError(f"{camera.name}: type must be perspective or orthographic; got {kind!r}")
+        fov = camera.record("perspective").number("yfov")
+        found = _camera(node, world_from_camera, math.degrees(fov))
+    return found
+
+
+def _camera(node: Record, world_from_camera: np.ndarray, fov_deg: float) -> Camera:
+    """It looks along -z of its node; only the vertical field of view is kept, since a picture's size sets the other."""
+    position, up, backward = world_from_camera[:3, 3], world_from_camera[:3, 1], world_from_camera[:3, 2]
+    try:
+        # A target far enough away that the direction to it keeps its digits.
+        reach = max(1.0, np.abs(position).max()) / max(np.abs(backward).max(), np.finfo(np.float64).tiny)
+        return Camera(position, position - reach * backward, up, fov_deg)
+    except ValueError as error:
+        raise ValueError(f"{node.name}: {error}") from None
+
+
+def _own(document: Document) -> Record | None:
+    """What our own files keep in the extras of the scene."""
+    scenes = document.root.values("scenes")
+    if not scenes:
+        return None
+    scene = document.find("scenes", document.root.integer("scene", 0), "scene")
+    extras = scene.get("extras", {})
+    own = extras.get("warprt") if isinstance(extras, dict) else None
+    return Record(own, f"{scene.name}: extras.warprt") if isinstance(own, dict) else None
+
+
+def _background(own: Record) -> GradientSky | np.ndarray:
+    if "zenith" in own:
+        return GradientSky(own.numbers("horizon", 3), own.numbers("zenith", 3))
+    return own.numbers("background", 3, (0, 0, 0))
