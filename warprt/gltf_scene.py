@@ -19,6 +19,7 @@ from .gltf_meshes import Meshes
 from .gltf_nodes import copies, walk
 from .json_record import Record
 from .lights import AmbientLight, DirectionalLight, GradientSky, PointLight, daylight
+from .poses import view_of
 from .scene import Scene
 from .shape_records import shape_from_extras
 
@@ -123,20 +124,13 @@ def _first_camera(document: Document, cameras: list) -> Camera | None:
             continue
         if kind != "perspective":
             raise ValueError(f"{camera.name}: type must be perspective or orthographic; got {kind!r}")
+        # The other field of view follows from the size of the picture.
         fov = camera.record("perspective").number("yfov")
-        found = _camera(node, world_from_camera, math.degrees(fov))
+        try:
+            found = Camera(*view_of(world_from_camera), math.degrees(fov))
+        except ValueError as error:
+            raise ValueError(f"{node.name}: {camera.name}: {error}") from None
     return found
-
-
-def _camera(node: Record, world_from_camera: np.ndarray, fov_deg: float) -> Camera:
-    """It looks along -z of its node; only the vertical field of view is kept, since a picture's size sets the other."""
-    position, up, backward = world_from_camera[:3, 3], world_from_camera[:3, 1], world_from_camera[:3, 2]
-    try:
-        # A target far enough away that the direction to it keeps its digits.
-        reach = max(1.0, np.abs(position).max()) / max(np.abs(backward).max(), np.finfo(np.float64).tiny)
-        return Camera(position, position - reach * backward, up, fov_deg)
-    except ValueError as error:
-        raise ValueError(f"{node.name}: {error}") from None
 
 
 def _own(document: Document) -> Record | None:
