@@ -23,22 +23,29 @@ class _Copies:
 
 
 class Gathering:
-    """Takes placements one after the other; all of one shape become one Instances, in the order they came."""
+    """Takes placements one after the other; all of one shape become one Instances, in the order they came.
 
-    def __init__(self):
-        self._copies: dict[int, _Copies] = {}
+    With `keeps_order` only those become one that follow each other: placements keep the numbers in which they came.
+    """
+
+    def __init__(self, keeps_order: bool = False):
+        self._keeps_order, self._last = keeps_order, (-1, -1)
+        self._copies: dict[tuple[int, int], _Copies] = {}
         self._materials: dict[tuple, Material] = {}
 
-    def add(self, shape: Shape, material: Material, world_from_local: np.ndarray, name: str) -> None:
-        """Adds a placement for each of (N, 4, 4) matrices, by the name of their node."""
-        copies = self._copies.setdefault(id(shape), _Copies(shape))
+    def add(self, shape: Shape, material: Material, world_from_local: np.ndarray, names: list[str]) -> None:
+        """Adds a placement for each of (N, 4, 4) matrices, with its name."""
+        run, last_shape = self._last
+        run += self._keeps_order and last_shape != id(shape)
+        self._last = run, id(shape)
+        copies = self._copies.setdefault(self._last, _Copies(shape))
         key = (material.diffuse, material.mirror, id(material.texture))
         material = self._materials.setdefault(key, material)
         number = copies.numbers.setdefault(id(material), len(copies.numbers))
         copies.materials.setdefault(id(material), material)
         copies.world_from_local.append(world_from_local)
         copies.material_index.append(np.full(len(world_from_local), number))
-        copies.names += [name] * len(world_from_local)
+        copies.names += names
 
     def objects(self) -> list[Instance | Instances]:
         """Shapes in the order they first came. Raises ValueError that names the placement that is singular."""

@@ -7,6 +7,7 @@ import numpy as np
 from .gltf import Document
 from .gltf_accessors import read_floats
 from .json_record import Record
+from .quaternions import compose
 
 
 def walk(document: Document) -> Iterator[tuple[Record, np.ndarray]]:
@@ -75,7 +76,7 @@ def copies(document: Document, node: Record) -> np.ndarray | None:
     if len(counts) != 1:
         raise ValueError(
             f"{node.name}: EXT_mesh_gpu_instancing needs a TRANSLATION, ROTATION or SCALE, each of the same length; "
-            f"got {({key: len(value) for key, value in values.items()})}"
+            f"got { ({key: len(value) for key, value in values.items()}) }"
         )
     count = counts.pop()
     translation = values.get("TRANSLATION", np.zeros((count, 3)))
@@ -84,16 +85,8 @@ def copies(document: Document, node: Record) -> np.ndarray | None:
 
 
 def _trs(translation: np.ndarray, rotation: np.ndarray, scale: np.ndarray, name: str) -> np.ndarray:
-    """(N, 4, 4): T R S of rows; quaternions (x, y, z, w) are made unit."""
-    largest = np.abs(rotation).max(axis=1, keepdims=True)
-    if (largest == 0).any():
-        raise ValueError(f"{name}: rotation must not be zero; got {rotation[int(np.argmin(largest))].tolist()}")
-    rotation = rotation / largest
-    x, y, z, w = (rotation / np.linalg.norm(rotation, axis=1, keepdims=True)).T
-    matrix = np.zeros((len(translation), 4, 4))
-    matrix[:, 0, :3] = np.stack([1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)], axis=1)
-    matrix[:, 1, :3] = np.stack([2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)], axis=1)
-    matrix[:, 2, :3] = np.stack([2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)], axis=1)
-    matrix[:, :3, :3] *= scale[:, None, :]
-    matrix[:, :3, 3], matrix[:, 3, 3] = translation, 1
-    return matrix
+    """(N, 4, 4): T R S of rows."""
+    is_zero = (rotation == 0).all(axis=1)
+    if is_zero.any():
+        raise ValueError(f"{name}: rotation must not be zero; that of number {int(np.argmax(is_zero))} is")
+    return compose(translation, rotation, scale)

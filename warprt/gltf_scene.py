@@ -1,8 +1,8 @@
 """Scenes from .glb and .gltf files.
 
 Nodes that show the same mesh, equal meshes, and the copies of EXT_mesh_gpu_instancing become one Instances. Instance
-ids follow the order in which meshes first appear in the tree of nodes, then that of the nodes. Materials become ours as
-in `warprt.pbr`; a light of KHR_lights_punctual gives its colour times its intensity, in candela or lux, as it is: a
+ids follow the order in which meshes first appear in the tree of nodes, then that of the nodes; in files that
+`Scene.export` has written, that of the nodes alone. Materials become ours as in `warprt.pbr`; a light of KHR_lights_punctual gives its colour times its intensity, in candela or lux, as it is: a
 white surface that faces a light of intensity 1, at distance 1, is white. A scene without lights is shown by daylight.
 """
 
@@ -40,7 +40,8 @@ def read_gltf(path: str | Path) -> Scene:
 
 
 def _scene(document: Document) -> Scene:
-    meshes, gathering = Meshes(document), Gathering()
+    own = _own(document)
+    meshes, gathering = Meshes(document), Gathering(keeps_order=own is not None)
     cameras, lights = [], []
     for node, world_from_node in walk(document):
         document.note_extensions(node)
@@ -50,7 +51,7 @@ def _scene(document: Document) -> Scene:
             _place(document, meshes, gathering, node, world_from_node)
         elif (plane := shape_from_extras(node)) is not None:
             material = node.record("extras").record("warprt").integer("material", None)
-            gathering.add(plane, meshes.material(material, node.name), world_from_node[None], _title(node))
+            gathering.add(plane, meshes.material(material, node.name), world_from_node[None], [_title(node)])
         if "camera" in node:
             cameras.append((node, document.find("cameras", node.integer("camera"), node.name), world_from_node))
         extension = node.record("extensions", {})
@@ -62,7 +63,6 @@ def _scene(document: Document) -> Scene:
     document.note_other_extensions()
     camera = _first_camera(document, cameras)
     background = (0.0, 0.0, 0.0)
-    own = _own(document)
     if own is not None:
         lights += [AmbientLight(light.numbers("color", 3)) for light in own.records("ambient")]
         background = _background(own)
@@ -76,8 +76,19 @@ def _place(document: Document, meshes: Meshes, gathering: Gathering, node: Recor
     node_from_copy = copies(document, node)
     with np.errstate(all="ignore"):
         placed = world_from_node[None] if node_from_copy is None else world_from_node @ node_from_copy
+    names = _names(node, len(placed))
     for shape, material in meshes.read(node.integer("mesh"), node.name):
-        gathering.add(shape, material, placed, _title(node))
+        gathering.add(shape, material, placed, names)
+
+
+def _names(node: Record, count: int) -> list[str]:
+    """The names of a node's copies: its own, unless our own file says more."""
+    extras = node.get("extras", {})
+    own = extras.get("warprt") if isinstance(extras, dict) else None
+    names = own.get("names") if isinstance(own, dict) else None
+    if isinstance(names, list) and len(names) == count and all(isinstance(name, str) for name in names):
+        return names
+    return [_title(node)] * count
 
 
 def _title(node: Record) -> str:

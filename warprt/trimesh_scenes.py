@@ -60,7 +60,7 @@ class _Reader:
             if part is not None:
                 shape, look, shape_from_part = part
                 placed = self._poses.world_from_node(node) @ shape_from_part
-                gathering.add(shape, look.material, placed[None], str(node))
+                gathering.add(shape, look.material, placed[None], [str(node)])
         lights = self._lights()
         background = (0.0, 0.0, 0.0)
         if not lights:
