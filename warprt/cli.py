@@ -71,7 +71,9 @@ def _parser() -> _Parser:
     parser.add_argument("--version", action="version", version=f"warprt {__version__}")
     commands = parser.add_subparsers(required=True, metavar="COMMAND", parser_class=_Parser)
     render = commands.add_parser("render", help="make a picture of a scene")
-    render.add_argument("scene", metavar="SCENE", help="a file (.py .cfg .glb .gltf .obj .ply .stl .off) or a ready scene")
+    render.add_argument(
+        "scene", metavar="SCENE", help="a file (.py .cfg .glb .gltf .obj .ply .stl .off) or a ready scene"
+    )
     render.add_argument("-o", "--output", metavar="FILE", help="default: the scene's name with .png, here")
     render.add_argument("--size", type=_size, default=(640, 480), metavar="WxH", help="pixels; default 640x480")
     render.add_argument("--samples", type=int, default=4, metavar="N", help="rays per pixel; default 4")

@@ -30,6 +30,7 @@ class Document:
         self.root = Record(_parse(text), "the JSON")
         self.notes: dict[str, None] = {}
         """What was not understood, a line each, in order."""
+        self._noted_extensions: set[str] = set()
         self._buffers: dict[int, bytes] = {}
         self._check_version()
         self._check_extensions()
@@ -41,24 +42,25 @@ class Document:
             raise ValueError(f"only glTF 2.0 can be read; this is version {brief(version)}")
 
     def _check_extensions(self) -> None:
-        required = [name for name in self.root.values("extensionsRequired") if name not in EXTENSIONS]
+        required = [name for name in self.root.texts("extensionsRequired") if name not in EXTENSIONS]
         if required:
-            raise ValueError(f"requires the extension {required[0]}, which is not understood")
+            raise ValueError(f"requires the extension {brief(required[0])}, which is not understood")
 
     def note(self, text: str) -> None:
         """Remembers, once, that something was not understood."""
-        self.notes.setdefault(text)
+        self.notes.setdefault(" ".join(text.split()))
 
     def note_extensions(self, record: Record) -> None:
         """Notes the extensions of an object that are not understood."""
         for name in record.record("extensions", {}):
             if name not in EXTENSIONS:
+                self._noted_extensions.add(name)
                 self.note(f"{record.name}: the extension {name} is not understood and left out")
 
     def note_other_extensions(self) -> None:
         """Notes the extensions that the file uses in places that were not visited."""
-        for name in self.root.values("extensionsUsed"):
-            if name not in EXTENSIONS and not any(f"extension {name} " in note for note in self.notes):
+        for name in self.root.texts("extensionsUsed"):
+            if name not in EXTENSIONS | self._noted_extensions:
                 self.note(f"the extension {name} is not understood and left out")
 
     def find(self, kind: str, index: int, user: str) -> Record:

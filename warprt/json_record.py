@@ -89,6 +89,13 @@ class Record:
             raise ValueError(f"{self.name}: {key} must be a list; got {brief(value)}")
         return value
 
+    def texts(self, key: str) -> list[str]:
+        """A list of strings, empty by default."""
+        values = self.values(key)
+        if not all(isinstance(value, str) for value in values):
+            raise ValueError(f"{self.name}: {key} must be strings; got {brief(values)}")
+        return values
+
     def integers(self, key: str) -> list[int]:
         """A list of integers of at least 0, empty by default."""
         values = self.values(key)
