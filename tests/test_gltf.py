@@ -175,7 +175,7 @@ def test_ten_thousand_gpu_instances_are_hit_where_they_are(load, device):
 def test_attributes_of_copies_must_agree(load):
     with pytest.raises(ValueError, match=r"a\.glb: nodes\[0\] 'field': EXT_mesh_gpu_instancing needs"):
         load(instanced_glb(TRANSLATION=(np.zeros((2, 3)),), SCALE=(np.ones((3, 3)),)))
-    with pytest.raises(ValueError, match="'field'.*singular"):
+    with pytest.raises(ValueError, match=r"'field'.*singular"):
         load(instanced_glb(SCALE=([[1, 1, 1], [1, 0, 1]],)))
     with pytest.warns(UserWarning, match="'field': the attribute _AGE of its copies"):
         load(instanced_glb(SCALE=(np.ones((2, 3)),), _AGE=(np.ones(2),)))
@@ -337,6 +337,12 @@ def test_camera_has_its_field_of_view_and_the_pose_of_its_parents(load):
     np.testing.assert_allclose(camera.frame(), [[0, 0, -1], [0, 1, 0], [-1, 0, 0]], atol=1e-15)
 
 
+def test_orthographic_camera(load):
+    orthographic = {"xmag": 1, "ymag": 3, "znear": 1, "zfar": 2}
+    camera = load(camera_glb({"type": "orthographic", "orthographic": orthographic})).camera
+    assert isinstance(camera, rt.OrthographicCamera) and camera.height == 6
+
+
 def test_other_cameras_are_named(load):
     perspective = {"type": "perspective", "perspective": {"yfov": 1, "znear": 1}}
     glb = camera_glb(perspective)
@@ -365,7 +371,7 @@ def test_lights(load):
     assert isinstance(spot, rt.PointLight)
     with pytest.warns(UserWarning, match="'lamp': range"):
         load(light_glb({"type": "point", "range": 3}))
-    with pytest.raises(ValueError, match="lights.0. 'lamp': type"):
+    with pytest.raises(ValueError, match=r"lights\[0\] 'lamp': type"):
         load(light_glb({"type": "area"}))
 
 

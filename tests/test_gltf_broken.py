@@ -116,43 +116,60 @@ def test_any_value_anywhere_gives_a_scene_or_an_error_that_names_the_file(tmp_pa
     assert message is None or ("value.glb: " in message and "\n" not in message)
 
 
-def changed(**change):
-    glb = triangle_glb(name="leaf")
+FLOATS = {"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3"}
+LEAF = {"mesh": 0, "name": "leaf"}
+DRAWN = {"attributes": {"POSITION": 0}}
+HUGE = {"mesh": 0, "scale": [1e300] * 3}
+
+
+@pytest.mark.parametrize(
+    "change, words",
+    [
+        ({"asset": {"version": "1.0"}}, r"version '1\.0'"),
+        ({"asset": {"version": "2.1", "minVersion": "2.1"}}, r"2\.1"),
+        ({"nodes": [LEAF | {"mesh": 7}]}, r"nodes\[0\] 'leaf' refers to meshes\[7\]; there are 1"),
+        ({"nodes": [{"children": [0]}], "scenes": [{"nodes": [0]}]}, "child of two nodes, or of itself"),
+        ({"nodes": [{"children": [1, 1]}, {}]}, "child of two nodes"),
+        ({"nodes": [LEAF | {"scale": [1, 0, 1]}]}, r"'leaf'.*singular"),
+        ({"nodes": [LEAF | {"rotation": [0] * 4}]}, r"nodes\[0\] 'leaf': rotation"),
+        ({"nodes": [LEAF | {"matrix": [1] * 15}]}, r"nodes\[0\] 'leaf': matrix must be 16"),
+        ({"nodes": [LEAF | {"matrix": [1] * 16}]}, r"nodes\[0\] 'leaf': .*projective"),
+        ({"nodes": [LEAF | {"matrix": [1] * 16, "scale": [1] * 3}]}, "both a matrix and"),
+        ({"nodes": [HUGE | {"children": [1]}, HUGE]}, r"nodes\[1\].*finite"),
+        ({"nodes": 3}, "nodes must be a list"),
+        ({"accessors": [{}]}, r"accessors\[0\] has no type"),
+        ({"accessors": [FLOATS | {"count": 4}]}, r"accessors\[0\] ends at byte 48 of its bufferView, which has 36"),
+        ({"accessors": [FLOATS | {"componentType": 5124}]}, r"accessors\[0\]: componentType"),
+        ({"accessors": [{"componentType": 5126, "count": 10**12, "type": "VEC3"}]}, "cannot be right"),
+        ({"bufferViews": [{"buffer": 0, "byteLength": 99}]}, r"bufferViews\[0\] is bytes 0 to 99"),
+        ({"bufferViews": [{"buffer": 0, "byteLength": 36, "byteStride": 4}]}, "do not fit a byteStride of 4"),
+        ({"buffers": [{"byteLength": 99}]}, r"buffers\[0\] must have 99 bytes"),
+        ({"meshes": [{"primitives": []}]}, r"meshes\[0\] has no primitives"),
+        ({"meshes": [{"primitives": [{"attributes": {}}]}]}, "no POSITION"),
+        ({"meshes": [{"primitives": [DRAWN | {"mode": 9}]}]}, "mode must be 0 to 6"),
+        ({"meshes": [{"primitives": [DRAWN | {"material": 1}]}]}, r"materials\[1\]; there are 0"),
+        ({"cameras": [{"type": "fisheye"}], "nodes": [{"camera": 0}]}, r"cameras\[0\]: type must be"),
+    ],
+)
+def test_fault_is_named(tmp_path, change, words):
+    glb = triangle_glb()
     glb.json |= change
-    return glb.bytes()
+    with pytest.raises(ValueError, match=words) as caught:
+        rt.load_scene(glb.save(tmp_path / "bad.glb"))
+    assert str(caught.value).startswith(str(tmp_path / "bad.glb"))
 
 
 @pytest.mark.parametrize(
     "data, words",
     [
-        pytest.param(b"", "at least 12 bytes", id="empty"),
-        pytest.param(b"GIF8" + FULL[4:], "starts with b'GIF8'", id="magic"),
-        pytest.param(FULL[:4] + struct.pack("<I", 1) + FULL[8:], "version 1", id="GLB version"),
-        pytest.param(changed(asset={"version": "1.0"}), "version '1.0'", id="glTF version"),
-        pytest.param(changed(asset={"version": "2.1", "minVersion": "2.1"}), "2.1", id="least version"),
-        pytest.param(changed(nodes=[{"mesh": 7, "name": "leaf"}]), r"nodes\[0\] 'leaf' refers to meshes\[7\]", id="mesh"),
-        pytest.param(changed(nodes=[{"children": [0]}], scenes=[{"nodes": [0]}]), "child of two nodes", id="cycle"),
-        pytest.param(changed(nodes=[{"children": [1, 1]}, {}]), "child of two nodes", id="two parents"),
-        pytest.param(changed(nodes=[{"mesh": 0, "scale": [1, 0, 1], "name": "leaf"}]), "'leaf'.*singular", id="singular"),
-        pytest.param(changed(nodes=[{"mesh": 0, "rotation": [0] * 4}]), r"nodes\[0\]: rotation", id="rotation of 0"),
-        pytest.param(changed(nodes=[{"mesh": 0, "matrix": [1] * 15}]), r"nodes\[0\]: matrix must be 16", id="matrix"),
-        pytest.param(changed(nodes=[{"mesh": 0, "matrix": [1] * 16}]), r"nodes\[0\]: .*projective", id="projective"),
-        pytest.param(changed(nodes=[{"mesh": 0, "matrix": [1] * 16, "scale": [1] * 3}]), "both", id="matrix and scale"),
-        pytest.param(changed(nodes=[{"mesh": 0, "scale": [1e300] * 3, "children": [1]}, {"mesh": 0, "scale": [1e300] * 3}]), r"nodes\[1\].*finite", id="overflow"),
-        pytest.param(changed(accessors=[{}]), r"accessors\[0\] has no type", id="accessor"),
-        pytest.param(changed(accessors=[{"bufferView": 0, "componentType": 5126, "count": 4, "type": "VEC3"}]), r"accessors\[0\] ends at byte 48 of its bufferView, which has 36", id="accessor too long"),
-        pytest.param(changed(accessors=[{"bufferView": 0, "componentType": 5124, "count": 3, "type": "VEC3"}]), r"accessors\[0\]: componentType", id="component type"),
-        pytest.param(changed(accessors=[{"componentType": 5126, "count": 10**12, "type": "VEC3"}]), "cannot be right", id="zeros"),
-        pytest.param(changed(bufferViews=[{"buffer": 0, "byteLength": 99}]), r"bufferViews\[0\] is bytes 0 to 99", id="view"),
-        pytest.param(changed(buffers=[{"byteLength": 99}]), r"buffers\[0\] must have 99 bytes", id="buffer"),
-        pytest.param(changed(meshes=[{"primitives": []}]), r"meshes\[0\] has no primitives", id="no primitives"),
-        pytest.param(changed(meshes=[{"primitives": [{"attributes": {}}]}]), "no POSITION", id="no positions"),
-        pytest.param(changed(meshes=[{"primitives": [{"attributes": {"POSITION": 0}, "mode": 9}]}]), "mode", id="mode"),
-        pytest.param(changed(nodes=3), "nodes must be a list", id="nodes"),
-        pytest.param(changed(meshes=[{"primitives": [{"attributes": {"POSITION": 0}, "material": 0}]}], materials=[{"pbrMetallicRoughness": {"metallicFactor": 2}}]), "metallicFactor must be a finite number between 0 and 1", id="metallic"),
+        (b"", "at least 12 bytes"),
+        (b"GIF8" + FULL[4:], "starts with b'GIF8'"),
+        (FULL[:4] + struct.pack("<I", 1) + FULL[8:], "version 1"),
+        (FULL[:16] + b"TEXT" + FULL[20:], "first chunk is not JSON"),
     ],
-)  # fmt: skip
-def test_fault_is_named(tmp_path, data, words):
+    ids=["empty", "magic", "version", "chunk"],
+)
+def test_fault_of_the_container_is_named(tmp_path, data, words):
     (tmp_path / "bad.glb").write_bytes(data)
     with pytest.raises(ValueError, match=words) as caught:
         rt.load_scene(tmp_path / "bad.glb")
@@ -176,7 +193,14 @@ def test_bad_meshes_are_named(tmp_path, vertices, faces, words):
         rt.load_scene(glb.save(tmp_path / "bad.glb"))
 
 
-@pytest.mark.parametrize("text", ["", "{", "[]", "nonsense", '{"asset": NaN}', "[" * 100_000, '{"asset":{"version":"2.0"},"nodes":[{"scale":[1e999,1,1]}]}'])  # fmt: skip
+@pytest.mark.parametrize(
+    "text",
+    [
+        *("", "{", "[]", "nonsense", '{"asset": NaN}', "[" * 100_000),
+        '{"asset":{"version":"2.0"},"nodes":[{"scale":[1e999,1,1]}]}',
+    ],
+    ids=range(7),
+)
 def test_bad_json_is_named(tmp_path, text):
     (tmp_path / "bad.gltf").write_text(text)
     assert str(tmp_path / "bad.gltf") in outcome(tmp_path / "bad.gltf")

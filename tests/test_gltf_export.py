@@ -51,6 +51,10 @@ def path(request, tmp_path):
         rt.Box((-1, 0.1, 2), (3, 0.2, 7)),
         rt.Box((0, 0, 0), (1, 0, 1)),
         rt.Plane((0, 0.1, 0), (1, 2, 3)),
+        rt.Cylinder(0.1, 7, (1, 2, 3)),
+        rt.Cone(3, 0.1),
+        rt.Capsule(0.1, 7, (1, 2, 3)),
+        rt.Disk(0.1, (1, 2, 3)),
     ],
     ids=repr,
 )
@@ -140,6 +144,15 @@ def test_lights_camera_and_sky_come_back(path):
     assert bounced(rt.Scene([rt.Sphere()]), path).lights == ()
 
 
+def test_cameras_of_parallel_rays_come_back_and_others_are_named(path):
+    camera = rt.OrthographicCamera((1, 2, 3), (4, 1, 7), (0.1, 1, 0), 3.25)
+    again = bounced(rt.Scene(camera=camera), path).camera
+    assert again.height == camera.height
+    np.testing.assert_allclose(again.rays(4, 3), camera.rays(4, 3), atol=1e-14)
+    with pytest.warns(UserWarning, match="no FisheyeCamera"):
+        assert bounced(rt.Scene(camera=rt.FisheyeCamera((1, 2, 3))), path).camera is None
+
+
 def test_cast_and_picture_are_the_same(path, device):
     rng = np.random.default_rng(8)
     ball = trimesh.creation.icosphere(1)
@@ -172,7 +185,7 @@ def test_arrays_are_written_once_and_copies_as_one_node(tmp_path):
     rt.Scene(objects).export(tmp_path / "a.glb")
     root = gltf_json(tmp_path / "a.glb")
     assert len(root["nodes"]) == 3 and len(root["accessors"]) == 2 + 2 * 3
-    assert root["extensionsUsed"] == ["EXT_mesh_gpu_instancing"]
+    assert root["extensionsUsed"] == root["extensionsRequired"] == ["EXT_mesh_gpu_instancing"]
     assert all("extensions" in node for node in root["nodes"][:2])
 
 
@@ -208,7 +221,7 @@ def test_what_others_will_not_see_is_named(tmp_path):
 
 
 def test_file_is_written_whole_or_not_at_all(tmp_path):
-    with pytest.raises(ValueError, match="exported as .glb or .gltf"):
+    with pytest.raises(ValueError, match=r"exported as \.glb or \.gltf"):
         rt.Scene().export(tmp_path / "a.obj")
     with pytest.raises(FileNotFoundError):
         rt.Scene().export(tmp_path / "none" / "a.glb")

@@ -153,7 +153,8 @@ class _Exporter:
             return False
         keys = ("TRANSLATION", "ROTATION", "SCALE")
         attributes = {key: self.writer.add_array(part) for key, part in zip(keys, parts, strict=True)}
-        self.writer.use("EXT_mesh_gpu_instancing")
+        # Who does not know it would show one copy, and not say so.
+        self.writer.use("EXT_mesh_gpu_instancing", is_required=True)
         content = self._shown(item.shape, material)
         content["extensions"] = {"EXT_mesh_gpu_instancing": {"attributes": attributes}}
         if names is not None and len(set(names)) > 1:

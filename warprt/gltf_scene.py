@@ -2,8 +2,9 @@
 
 Nodes that show the same mesh, equal meshes, and the copies of EXT_mesh_gpu_instancing become one Instances. Instance
 ids follow the order in which meshes first appear in the tree of nodes, then that of the nodes; in files that
-`Scene.export` has written, that of the nodes alone. Materials become ours as in `warprt.pbr`; a light of KHR_lights_punctual gives its colour times its intensity, in candela or lux, as it is: a
-white surface that faces a light of intensity 1, at distance 1, is white. A scene without lights is shown by daylight.
+`Scene.export` has written, that of the nodes alone. Materials become ours as in `warprt.pbr`. A light of
+KHR_lights_punctual gives its colour times its intensity, in candela or lux, as it is: a white surface that faces a
+light of intensity 1, at distance 1, is white. A scene without lights is shown by daylight.
 """
 
 import math
@@ -13,6 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from .camera import Camera
+from .cameras import AnyCamera, OrthographicCamera
 from .gathering import Gathering
 from .gltf import Document
 from .gltf_meshes import Meshes
@@ -121,27 +123,29 @@ def _light(document: Document, node: Record, number: int, world_from_node: np.nd
         raise ValueError(f"{node.name}: {error}") from None
 
 
-def _first_camera(document: Document, cameras: list) -> Camera | None:
-    """The first camera that we have; the others are noted."""
+def _first_camera(document: Document, cameras: list) -> AnyCamera | None:
+    """The first camera; the others are noted."""
     found = None
     for node, camera, world_from_camera in cameras:
         document.note_extensions(camera)
         if found is not None:
             document.note(f"{camera.name} is left out; the scene is seen by the first camera")
             continue
-        kind = camera.text("type")
-        if kind == "orthographic":
-            document.note(f"{camera.name} is orthographic, which is not understood, and left out")
-            continue
-        if kind != "perspective":
-            raise ValueError(f"{camera.name}: type must be perspective or orthographic; got {kind!r}")
-        # The other field of view follows from the size of the picture.
-        fov = camera.record("perspective").number("yfov")
         try:
-            found = Camera(*view_of(world_from_camera), math.degrees(fov))
+            found = _camera(camera, view_of(world_from_camera))
         except ValueError as error:
-            raise ValueError(f"{node.name}: {camera.name}: {error}") from None
+            raise ValueError(f"{node.name}: {error}") from None
     return found
+
+
+def _camera(camera: Record, view: tuple) -> AnyCamera:
+    """Only what is vertical is kept, since the size of a picture sets its width."""
+    kind = camera.text("type")
+    if kind == "perspective":
+        return Camera(*view, math.degrees(camera.record("perspective").number("yfov")))
+    if kind == "orthographic":
+        return OrthographicCamera(*view, 2 * camera.record("orthographic").number("ymag"))
+    raise ValueError(f"{camera.name}: type must be perspective or orthographic; got {kind!r}")
 
 
 def _own(document: Document) -> Record | None:

@@ -22,6 +22,7 @@ class Writer:
         self._lists: dict[str, list] = {}
         self._binary = bytearray()
         self._extensions: dict[str, dict | None] = {}
+        self._required: dict[str, None] = {}
 
     def add(self, kind: str, value: dict) -> int:
         """Appends to a list such as "nodes"; returns the number there."""
@@ -29,9 +30,11 @@ class Writer:
         values.append(value)
         return len(values) - 1
 
-    def use(self, extension: str, value: dict | None = None) -> None:
+    def use(self, extension: str, value: dict | None = None, is_required: bool = False) -> None:
         """Declares an extension, and what it has at the root of the file."""
         self._extensions.setdefault(extension, value)
+        if is_required:
+            self._required[extension] = None
 
     def add_view(self, data: bytes) -> int:
         """Bytes for a buffer view, which start at a multiple of 4."""
@@ -60,6 +63,7 @@ class Writer:
             root["extensionsUsed"] = list(self._extensions)
             at_root = {name: value for name, value in self._extensions.items() if value is not None}
             root |= {"extensions": at_root} if at_root else {}
+            root |= {"extensionsRequired": list(self._required)} if self._required else {}
         if self._binary:
             root["buffers"] = [{"byteLength": len(self._binary)}]
         is_binary = path.suffix.lower() == ".glb"

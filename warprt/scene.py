@@ -143,8 +143,8 @@ class Scene:
     def to_trimesh(self):
         """A trimesh.Scene in which every placement is a node, and copies share their geometry.
 
-        Shapes become trimesh primitives; colours are rounded to the 8 bits that trimesh has for them. What it has no
-        word for (planes, skies, ambient light) is warned about.
+        Spheres, boxes, cylinders and capsules become its primitives, cones and disks triangles; colours are rounded to
+        the 8 bits that trimesh has for them. What it has no word for (planes, ambient light) is warned about.
         """
         from .trimesh_export import scene_to_trimesh
 
@@ -153,10 +153,11 @@ class Scene:
     def export(self, path: str | Path) -> None:
         """Writes a .glb or .gltf file, whole or not at all, that `load_scene` reads back as the same scene.
 
-        Vertices are rounded to float32. Copies are written with EXT_mesh_gpu_instancing, and rounded to float32, where
-        they are moved, turned and scaled only; others, and single placements, keep their matrix in full. Spheres and
-        other exact shapes are written as triangles, which other programs show, beside what they are exactly. What other
-        programs will not see is warned about. Raises ValueError for another suffix, OSError when the path cannot be
+        Vertices are rounded to float32. Copies are written with EXT_mesh_gpu_instancing, which the file then requires,
+        and rounded to float32, where they are moved, turned and scaled only; others, and single placements, keep their
+        matrix in full. Copies in several materials are written material by material, so that their ids change. Spheres
+        and other exact shapes are written as triangles, which other programs show, beside what they are exactly. What
+        other programs will not see is warned about. Raises ValueError for another suffix, OSError when the path cannot be
         written.
         """
         from .gltf_export import export_gltf

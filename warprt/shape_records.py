@@ -13,6 +13,10 @@ MEMBERS = {
     "Sphere": {"center": 3, "radius": 1},
     "Box": {"lower": 3, "upper": 3},
     "Plane": {"point": 3, "normal": 3},
+    "Cylinder": {"radius": 1, "height": 1, "center": 3},
+    "Cone": {"radius": 1, "height": 1, "center": 3},
+    "Capsule": {"radius": 1, "height": 1, "center": 3},
+    "Disk": {"radius": 1, "center": 3},
 }
 """How many numbers define each of them."""
 

@@ -13,6 +13,7 @@ from .mesh import Mesh
 from .pbr import pbr_from_material
 from .poses import pose_along, pose_of
 from .scene import Instance, Scene, Shape
+from .tessellation import tessellated
 
 
 def scene_to_trimesh(scene: Scene):
@@ -88,6 +89,8 @@ class _Exporter:
             return primitives.Sphere(radius=shape.radius, transform=place)
         if kind == "Box":
             return primitives.Box(extents=upper - lower, transform=place)
+        if kind not in ("Cylinder", "Capsule"):
+            return self._trimesh.Trimesh(*tessellated(shape), process=False)
         place[:3, 3] = shape.center
         return getattr(primitives, kind)(radius=shape.radius, height=shape.height, transform=place)
 

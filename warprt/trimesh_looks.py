@@ -29,7 +29,10 @@ def look_of(geometry, name: str, notes: dict[str, None]) -> Look:
     if kind == "texture":
         return _textured(geometry, name, notes)
     if kind in ("vertex", "face"):
-        given = np.asarray(visual.vertex_colors if kind == "vertex" else visual.face_colors)[:, :3]
+        given = np.asarray(visual.vertex_colors if kind == "vertex" else visual.face_colors)
+        if (given[:, 3] < 255).any():
+            notes[f"the geometry {name!r} is transparent, which is not understood; it is opaque"] = None
+        given = given[:, :3]
         if len(given) and (given == given[0]).all():
             return Look(Material(linear(given[0] / 255)), is_uniform=True)
         return Look(Material(1.0), colors=coated(geometry).colors)

@@ -7,6 +7,7 @@ square of the distance; a scene without lights is shown by daylight.
 """
 
 import warnings
+from functools import partial
 
 import numpy as np
 
@@ -16,7 +17,7 @@ from .lights import DirectionalLight, PointLight, daylight
 from .mesh_store import MeshStore
 from .poses import view_of
 from .scene import Scene, Shape
-from .shapes import Box, Sphere
+from .shapes import Box, Capsule, Cylinder, Sphere
 from .trimesh_looks import Look, look_of
 from .visuals import coated
 
@@ -189,8 +190,12 @@ def exact_shape(geometry):
     kinds, data = trimesh.primitives, getattr(geometry, "primitive", None)
     if isinstance(geometry, kinds.Sphere):
         radius = float(data.radius)
-        return ("Sphere", radius), lambda: Sphere(radius=radius), np.asarray(data.transform, np.float64)
+        return ("Sphere", radius), partial(Sphere, radius=radius), np.asarray(data.transform, np.float64)
     if isinstance(geometry, kinds.Box):
         half = np.asarray(data.extents, np.float64) / 2
-        return ("Box", *half.tolist()), lambda: Box(-half, half), np.asarray(data.transform, np.float64)
+        return ("Box", *half.tolist()), partial(Box, -half, half), np.asarray(data.transform, np.float64)
+    for kind, make in ((kinds.Cylinder, Cylinder), (kinds.Capsule, Capsule)):
+        if isinstance(geometry, kind):
+            sizes = float(data.radius), float(data.height)
+            return (make.__name__, *sizes), partial(make, *sizes), np.asarray(data.transform, np.float64)
     return None
