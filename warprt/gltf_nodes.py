@@ -15,18 +15,28 @@ def walk(document: Document) -> Iterator[tuple[Record, np.ndarray]]:
 
     Raises ValueError where a node has two parents, or is its own ancestor.
     """
-    seen: set[int] = set()
-    stack = [(index, np.eye(4)) for index in reversed(_roots(document))]
+    nodes, parents = _tree(document)
+    world_from_node = [np.eye(4)]
+    for parent, parent_from_node in zip(parents, _parent_from_node(nodes), strict=True):
+        with np.errstate(all="ignore"):  # what overflows is found out later, if it matters
+            world_from_node.append(world_from_node[parent] @ parent_from_node)
+    return zip(nodes, world_from_node[1:], strict=True)
+
+
+def _tree(document: Document) -> tuple[list[Record], list[int]]:
+    """(nodes, the place of each one's parent among them, counted from 1, or 0)."""
+    nodes, parents, seen = [], [], set()
+    stack = [(index, 0) for index in reversed(_roots(document))]
     while stack:
-        index, world_from_parent = stack.pop()
+        index, parent = stack.pop()
         node = document.find("nodes", index, "the tree of nodes")
         if index in seen:
             raise ValueError(f"{node.name} is the child of two nodes, or of itself")
         seen.add(index)
-        with np.errstate(all="ignore"):  # what overflows is found out later, if it matters
-            world_from_node = world_from_parent @ _parent_from_node(node)
-        yield node, world_from_node
-        stack += [(child, world_from_node) for child in reversed(node.integers("children"))]
+        nodes.append(node)
+        parents.append(parent)
+        stack += [(child, len(nodes)) for child in reversed(node.integers("children"))]
+    return nodes, parents
 
 
 def _roots(document: Document) -> list[int]:
@@ -45,18 +55,38 @@ def _roots(document: Document) -> list[int]:
     return [i for i in range(count) if i not in children]
 
 
-def _parent_from_node(node: Record) -> np.ndarray:
-    """(4, 4) float64: the node's matrix, or T R S."""
-    if "matrix" in node:
-        if any(key in node for key in ("translation", "rotation", "scale")):
-            raise ValueError(f"{node.name} has both a matrix and a translation, rotation or scale")
-        matrix = node.numbers("matrix", 16).reshape(4, 4).T
-        if (matrix[3] != (0, 0, 0, 1)).any():
-            raise ValueError(f"{node.name}: its matrix is projective; the last row is {matrix[3].tolist()}")
-        return matrix
-    translation, scale = node.numbers("translation", 3, (0, 0, 0)), node.numbers("scale", 3, (1, 1, 1))
-    rotation = node.numbers("rotation", 4, (0, 0, 0, 1))
-    return _trs(translation[None], rotation[None], scale[None], node.name)[0]
+def _parent_from_node(nodes: list[Record]) -> np.ndarray:
+    """(N, 4, 4) float64: the matrix of each node, or its T R S."""
+    result = np.tile(np.eye(4), (len(nodes), 1, 1))
+    turned, rotations, scales = [], [], []
+    for i, node in enumerate(nodes):
+        if "matrix" in node:
+            result[i] = _matrix(node)
+            continue
+        if "translation" in node:
+            result[i, :3, 3] = node.numbers("translation", 3)
+        scale = node.numbers("scale", 3, (1, 1, 1))
+        if "rotation" not in node:
+            result[i, [0, 1, 2], [0, 1, 2]] = scale
+            continue
+        rotation = node.numbers("rotation", 4)
+        if not rotation.any():
+            raise ValueError(f"{node.name}: rotation must not be zero")
+        turned.append(i)
+        rotations.append(rotation)
+        scales.append(scale)
+    if turned:
+        result[turned] = compose(result[turned, :3, 3], np.array(rotations), np.array(scales))
+    return result
+
+
+def _matrix(node: Record) -> np.ndarray:
+    if any(key in node for key in ("translation", "rotation", "scale")):
+        raise ValueError(f"{node.name} has both a matrix and a translation, rotation or scale")
+    matrix = node.numbers("matrix", 16).reshape(4, 4).T
+    if (matrix[3] != (0, 0, 0, 1)).any():
+        raise ValueError(f"{node.name}: its matrix is projective; the last row is {matrix[3].tolist()}")
+    return matrix
 
 
 def copies(document: Document, node: Record) -> np.ndarray | None:
@@ -81,12 +111,7 @@ def copies(document: Document, node: Record) -> np.ndarray | None:
     count = counts.pop()
     translation = values.get("TRANSLATION", np.zeros((count, 3)))
     rotation = values.get("ROTATION", np.broadcast_to((0.0, 0.0, 0.0, 1.0), (count, 4)))
-    return _trs(translation, rotation, values.get("SCALE", np.ones((count, 3))), node.name)
-
-
-def _trs(translation: np.ndarray, rotation: np.ndarray, scale: np.ndarray, name: str) -> np.ndarray:
-    """(N, 4, 4): T R S of rows."""
     is_zero = (rotation == 0).all(axis=1)
     if is_zero.any():
-        raise ValueError(f"{name}: rotation must not be zero; that of number {int(np.argmax(is_zero))} is")
-    return compose(translation, rotation, scale)
+        raise ValueError(f"{node.name}: ROTATION of its copies must not be zero; number {int(np.argmax(is_zero))} is")
+    return compose(translation, rotation, values.get("SCALE", np.ones((count, 3))))

@@ -6,11 +6,15 @@ import numpy as np
 def compose(translation: np.ndarray, rotation: np.ndarray, scale: np.ndarray) -> np.ndarray:
     """(N, 4, 4): T R S of rows; (N, 4) quaternions (x, y, z, w), not zero, are made unit."""
     rotation = rotation / np.abs(rotation).max(axis=1, keepdims=True)
-    x, y, z, w = (rotation / np.linalg.norm(rotation, axis=1, keepdims=True)).T
+    x, y, z, w = rotation.T
+    # 2 / |q|^2, which makes the quaternion unit.
+    s = 2 / (x * x + y * y + z * z + w * w)
     matrix = np.zeros((len(translation), 4, 4))
-    matrix[:, 0, :3] = np.stack([1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)], axis=1)
-    matrix[:, 1, :3] = np.stack([2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)], axis=1)
-    matrix[:, 2, :3] = np.stack([2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)], axis=1)
+    for i, (a, b, c) in enumerate(((x, y, z), (y, z, x), (z, x, y))):
+        j, k = (i + 1) % 3, (i + 2) % 3
+        matrix[:, i, i] = 1 - s * (b * b + c * c)
+        matrix[:, i, j] = s * (a * b - c * w)
+        matrix[:, i, k] = s * (a * c + b * w)
     matrix[:, :3, :3] *= scale[:, None, :]
     matrix[:, :3, 3], matrix[:, 3, 3] = translation, 1
     return matrix
