@@ -408,6 +408,17 @@ def test_what_is_not_understood_is_named_in_one_warning(load, change, words):
     assert len(caught) == 1 and "\n" not in str(caught[0].message) and "a.glb: " in str(caught[0].message)
 
 
+def test_texture_transforms_are_named(load):
+    glb = textured_glb({})
+    glb.json["images"] = [{"bufferView": glb.view(png(PIXELS)), "mimeType": "image/png"}]
+    use = glb.json["materials"][0]["pbrMetallicRoughness"]["baseColorTexture"]
+    use["extensions"] = {"KHR_texture_transform": {"scale": [2, 2]}}
+    glb.json["extensionsUsed"] = ["KHR_texture_transform"]
+    with pytest.warns(UserWarning, match=r"'cloth': .*baseColorTexture: the extension KHR_texture_transform") as caught:
+        load(glb)
+    assert len(caught) == 1
+
+
 def test_skins_targets_and_strange_attributes_are_named(load):
     glb = Glb(skins=[{"joints": [0]}])
     glb.node(mesh=glb.mesh(targets=[{}], attributes={"_HEAT": glb.array(np.zeros(3))}), skin=0, name="body")

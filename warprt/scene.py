@@ -157,8 +157,8 @@ class Scene:
         and rounded to float32, where they are moved, turned and scaled only; others, and single placements, keep their
         matrix in full. Copies in several materials are written material by material, so that their ids change. Spheres
         and other exact shapes are written as triangles, which other programs show, beside what they are exactly. What
-        other programs will not see is warned about. Raises ValueError for another suffix, OSError when the path cannot be
-        written.
+        other programs will not see is warned about. Raises ValueError for another suffix, OSError when the path cannot
+        be written.
         """
         from .gltf_export import export_gltf
 

@@ -9,6 +9,9 @@ from .pbr import material_from_pbr
 from .texture import Texture, linear, pil_pixels
 from .visuals import coated
 
+UNSAID = (102, 102, 102)
+"""The diffuse colour that trimesh gives to materials for want of one: over a picture it would only darken it."""
+
 
 @dataclass
 class Look:
@@ -79,8 +82,8 @@ def _surface(material, name: str, notes: dict[str, None]):
         image = None
     if given is not None:
         base = np.broadcast_to(np.asarray(given, np.float64), 3)
-    elif image is not None:
-        base = np.ones(3)  # the grey that trimesh has for want of a colour would darken the picture
+    elif tuple(material.diffuse[:3]) == UNSAID:
+        base = Material().diffuse if image is None else np.ones(3)
     else:
         base = np.asarray(material.diffuse[:3]) / 255
     return base, 0.0, 1.0, image
@@ -99,4 +102,4 @@ def _note_pbr(material, name: str, notes: dict[str, None]) -> None:
 
 def _is_placeholder(image) -> bool:
     """Whether trimesh put this picture where there is none: four pixels of one grey."""
-    return image.size == (2, 2) and set(image.convert("RGB").getdata()) == {(100, 100, 100)}
+    return image.size == (2, 2) and bool((np.asarray(image.convert("RGB")) == 100).all())
