@@ -51,6 +51,10 @@ def path(request, tmp_path):
         rt.Box((-1, 0.1, 2), (3, 0.2, 7)),
         rt.Box((0, 0, 0), (1, 0, 1)),
         rt.Plane((0, 0.1, 0), (1, 2, 3)),
+        rt.Cylinder(0.1, 7, (1, 2, 3)),
+        rt.Cone(3, 0.1),
+        rt.Capsule(0.1, 7, (1, 2, 3)),
+        rt.Disk(0.1, (1, 2, 3)),
     ],
     ids=repr,
 )

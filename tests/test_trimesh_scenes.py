@@ -104,6 +104,8 @@ TURN = rotation_matrix(0.3, [1, 2, 3], [4, 5, 6])
         (trimesh.primitives.Sphere(radius=2, center=[1, 2, 3]), rt.Sphere(radius=2)),
         (trimesh.primitives.Sphere(radius=2, transform=TURN), rt.Sphere(radius=2)),
         (trimesh.primitives.Box(extents=[1, 2, 3], transform=TURN), rt.Box((-0.5, -1, -1.5), (0.5, 1, 1.5))),
+        (trimesh.primitives.Cylinder(radius=2, height=3, transform=TURN), rt.Cylinder(2, 3)),
+        (trimesh.primitives.Capsule(radius=2, height=3, transform=TURN), rt.Capsule(2, 3)),
     ],
     ids=lambda value: type(value).__name__,
 )
@@ -319,18 +321,20 @@ def round_trip_scene():
         rt.Instances(mesh, poses, rt.Material(1.0)),
         rt.Instance(rt.Sphere((1, 2, 3), 0.5), poses[0], rt.Material((0, 0.2, 0.4), (0, 0.2, 0.4))),
         rt.Instance(rt.Box((0, 1, 2), (3, 5, 7)), poses[1]),
+        rt.Instance(rt.Cylinder(1, 2, (1, 2, 3))),
+        rt.Instance(rt.Capsule(1, 2, (1, 2, 3))),
         rt.Instance(uvs, poses[2], textured),
     ]
     lights = [rt.PointLight((1, 2, 3), (4, 2, 0), falloff=True), rt.DirectionalLight((1, 2, 3), (0.2, 1, 0.4))]
-    return rt.Scene(objects, lights, rt.Camera((1, 2, 30), (1, 1, 0), fov_deg=33), names=list("abcdef"))
+    return rt.Scene(objects, lights, rt.Camera((1, 2, 30), (1, 1, 0), fov_deg=33), names=list("abcdefgh"))
 
 
 def test_to_trimesh_and_back(device):
     scene = round_trip_scene()
     there = scene.to_trimesh()
-    assert len(there.geometry) == 4 and len(there.graph.nodes_geometry) == 6
+    assert len(there.geometry) == 6 and len(there.graph.nodes_geometry) == 8
     again = rt.Scene.from_trimesh(there)
-    assert again.names == tuple("abcdef")
+    assert again.names == tuple("abcdefgh")
     assert [type(item.shape) for item in again.objects] == [type(item.shape) for item in scene.objects]
     np.testing.assert_array_equal(matrices(again)[:3], matrices(scene)[:3])
     np.testing.assert_allclose(again.camera.rays(4, 3), scene.camera.rays(4, 3), atol=1e-14)
@@ -348,7 +352,7 @@ def test_to_trimesh_and_back(device):
 
 def test_to_trimesh_names_what_it_leaves_out():
     with pytest.warns(UserWarning) as caught:
-        rt.Scene([rt.Plane()], [rt.AmbientLight(), rt.PointLight((0, 0, 0))]).to_trimesh()
+        rt.Scene([rt.Plane(), rt.Cone()], [rt.AmbientLight(), rt.PointLight((0, 0, 0))]).to_trimesh()
     text = " ".join(str(warning.message) for warning in caught)
     assert all(word in text for word in ("Plane", "ambient", "falloff"))
 
@@ -356,8 +360,8 @@ def test_to_trimesh_names_what_it_leaves_out():
 def test_trimesh_reads_what_export_writes(tmp_path):
     scene = round_trip_scene()
     scene.export(tmp_path / "a.glb")
-    assert len(trimesh.load_scene(tmp_path / "a.glb").geometry) == 4
+    assert len(trimesh.load_scene(tmp_path / "a.glb").geometry) == 6
     scene.to_trimesh().export(tmp_path / "b.glb")
     ours = rt.load_scene(tmp_path / "b.glb")
     assert sorted(ours.names) == sorted(scene.names)
-    assert [type(item.shape) for item in ours.objects] == [rt.Mesh] * 4
+    assert [type(item.shape) for item in ours.objects] == [rt.Mesh] * 6

@@ -36,7 +36,7 @@ def shape_from_extras(record: Record) -> Shape | None:
         return None
     own = Record(own, f"{record.name}: extras.warprt")
     kind = own.text("shape")
-    if kind not in MEMBERS or not hasattr(shapes, kind):
+    if kind not in MEMBERS:
         raise ValueError(f"{own.name}: shape must be one of {', '.join(MEMBERS)}; got {kind!r}")
     values = {k: own.numbers(k, n) if n > 1 else own.number(k) for k, n in MEMBERS[kind].items()}
     return getattr(shapes, kind)(**values)

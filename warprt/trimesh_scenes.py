@@ -11,14 +11,13 @@ from functools import partial
 
 import numpy as np
 
-from . import shapes
 from .camera import Camera
 from .gathering import Gathering
 from .lights import DirectionalLight, PointLight, daylight
 from .mesh_store import MeshStore
 from .poses import view_of
 from .scene import Scene, Shape
-from .shapes import Box, Sphere
+from .shapes import Box, Capsule, Cylinder, Sphere
 from .trimesh_looks import Look, look_of
 from .visuals import coated
 
@@ -195,9 +194,8 @@ def exact_shape(geometry):
     if isinstance(geometry, kinds.Box):
         half = np.asarray(data.extents, np.float64) / 2
         return ("Box", *half.tolist()), partial(Box, -half, half), np.asarray(data.transform, np.float64)
-    for name in ("Cylinder", "Capsule"):
-        if isinstance(geometry, getattr(kinds, name)) and hasattr(shapes, name):
+    for kind, make in ((kinds.Cylinder, Cylinder), (kinds.Capsule, Capsule)):
+        if isinstance(geometry, kind):
             sizes = float(data.radius), float(data.height)
-            make = partial(getattr(shapes, name), *sizes)
-            return (name, *sizes), make, np.asarray(data.transform, np.float64)
+            return (make.__name__, *sizes), partial(make, *sizes), np.asarray(data.transform, np.float64)
     return None
