@@ -1,6 +1,9 @@
 """This project and its peers behind one interface: build on a mesh, answer float32 rays."""
 
+import importlib
 import importlib.util
+import sys
+from functools import cache
 
 import numpy as np
 import warp as wp
@@ -180,8 +183,21 @@ class Embreex(Engine):
 def peer_makers(threads: int) -> dict:
     """Constructors of the peers that are installed, by name; each takes (mesh, threads)."""
     makers = {"wp.Mesh": WarpMesh}
-    if importlib.util.find_spec("open3d"):
+    if _is_usable("open3d"):
         makers["Embree (Open3D)"] = Open3D
-    if threads == 1 and importlib.util.find_spec("embreex"):
+    if threads == 1 and _is_usable("embreex"):
         makers["Embree (embreex)"] = Embreex
     return makers
+
+
+@cache
+def _is_usable(name: str) -> bool:
+    """Whether a peer is installed and can be imported; if only the former, a line says why."""
+    if importlib.util.find_spec(name) is None:
+        return False
+    try:
+        importlib.import_module(name)
+    except ImportError as error:
+        print(f"{name} is left out: {error}", file=sys.stderr)
+        return False
+    return True

@@ -8,99 +8,14 @@ from functools import cache
 
 import warp as wp
 
+from .crossing import Crossing, crossing_at, plane_error, sphere_error, wall_error
 from .memory import int_at, make_at
-from .rounding import largest, power_of_two_below, unit_roundoff
+from .rounding import largest, unit_roundoff
+from .solid import has_solid, is_solid
+from .solid_error import make_solid_error
 from .spec import ShapeKind, Spec
-from .structs import WIDE, hit_struct, make_struct, mat33, scene_struct, surface_struct, vec3
-from .surface import magnitude, make_edges
-from .transform import offset
-
-Crossing = make_struct(
-    "Crossing",
-    {
-        "x": wp.vec3d,  # the point of the parameter, in canonical space
-        "x_error": wp.vec3d,  # bound of each component's error
-        "d": wp.vec3d,  # the direction there, scaled to a largest component in [1, 2)
-        "d_error": wp.vec3d,
-        "scale": WIDE,  # of the direction: a step of 1 along d is one of `scale` in t
-    },
-)
-"""Where a ray is at a parameter, with bounds of all that went before."""
-
-
-@wp.func
-def crossing_at(
-    w: wp.mat33d,
-    w_error: WIDE,  # of each element, relative
-    b: wp.vec3d,
-    b_error: wp.vec3d,
-    o: wp.vec3d,
-    d: wp.vec3d,
-    t: WIDE,
-) -> Crossing:
-    """W (o - b + t d) and W d, of an inverse and an origin that are off by so much, and a ray that is exact."""
-    u = unit_roundoff(t)
-    from_b = o - b
-    step = t * d
-    at = from_b + step
-    # One rounding each of the difference, the product and the sum.
-    at_error = u * (wp.abs(from_b) + wp.abs(step) + wp.abs(at)) + b_error
-    found = Crossing()
-    found.x = offset(w, at)
-    found.x_error = (w_error + WIDE(3.0) * u) * magnitude(w, at) + magnitude(w, at_error)
-    d_local = offset(w, d)
-    found.scale = power_of_two_below(largest(d_local))
-    found.d = found.scale * d_local
-    found.d_error = (w_error + WIDE(3.0) * u) * (found.scale * magnitude(w, d))
-    return found
-
-
-@wp.func
-def quotient_bound(left_over: WIDE, speed: WIDE):
-    """Left over / speed, not below the exact quotient; infinite where the speed may be 0."""
-    if not (speed > WIDE(0.0) and left_over < WIDE(wp.inf)):
-        return WIDE(wp.inf)
-    return left_over / speed * (WIDE(1.0) + WIDE(4.0) * unit_roundoff(speed))
-
-
-@wp.func
-def plane_error(c: Crossing, r: wp.vec3d, r_error: wp.vec3d, n: wp.vec3d, n_error: wp.vec3d):
-    """Of the plane n . r = 0, with r = x - a point of it: |n . r| / |n . d|, at its largest."""
-    u = unit_roundoff(c.scale)
-    reach, size = wp.abs(r) + r_error, wp.abs(n)
-    left_over = wp.abs(wp.dot(n, r)) + wp.dot(size, r_error) + wp.dot(n_error, reach)
-    left_over += WIDE(4.0) * u * wp.dot(size, reach)
-    d_size = wp.abs(c.d) + c.d_error
-    speed = wp.abs(wp.dot(n, c.d)) - wp.dot(size, c.d_error) - wp.dot(n_error, d_size)
-    speed -= WIDE(4.0) * u * wp.dot(size, d_size)
-    return quotient_bound(left_over, speed)
-
-
-@wp.func
-def sphere_error(c: Crossing, r: WIDE):
-    """Of |x|^2 = r^2: the nearer root e of f(t) - f'(t) e + |d|^2 e^2 = 0, at its largest."""
-    u = unit_roundoff(r)
-    size = wp.sqrt(wp.dot(c.x, c.x))
-    f = wp.abs((size - r) * (size + r)) + wp.dot(WIDE(2.0) * wp.abs(c.x) + c.x_error, c.x_error)
-    # Of |x|^2, its root and the difference: together at most eight roundings of |x|^2 + r^2.
-    f += WIDE(8.0) * u * (size * size + r * r)
-    slope_error = wp.dot(wp.abs(c.x) + c.x_error, c.d_error) + wp.dot(wp.abs(c.d), c.x_error)
-    slope = wp.abs(wp.dot(c.x, c.d)) - slope_error - WIDE(4.0) * u * wp.dot(wp.abs(c.x), wp.abs(c.d))
-    longest = wp.abs(c.d) + c.d_error
-    squared = wp.dot(longest, longest) * (WIDE(1.0) + WIDE(8.0) * u)
-    # With f' = 2 slope: 2 f / (f' + sqrt(f'^2 - 4 |d|^2 f)).
-    under_root = slope * slope - squared * f
-    if not (slope > WIDE(0.0) and under_root > WIDE(0.0)):
-        return WIDE(wp.inf)
-    return quotient_bound(f * (WIDE(1.0) + WIDE(8.0) * u), slope + wp.sqrt(under_root))
-
-
-@wp.func
-def wall_error(c: Crossing, wall: WIDE, axis: int):
-    """Of the plane of a box's wall."""
-    u = unit_roundoff(wall)
-    left_over = wp.abs(c.x[axis] - wall) + c.x_error[axis] + u * (wp.abs(c.x[axis]) + wp.abs(wall))
-    return quotient_bound(left_over, wp.abs(c.d[axis]) - c.d_error[axis])
+from .structs import WIDE, hit_struct, mat33, scene_struct, surface_struct, vec3
+from .surface import make_edges
 
 
 @cache
@@ -145,6 +60,8 @@ def make_t_error(spec: Spec):
     has_sphere = ShapeKind.SPHERE in spec.shapes
     has_box = ShapeKind.BOX in spec.shapes
     has_plane = ShapeKind.PLANE in spec.shapes
+    has_disk, has_round = ShapeKind.DISK in spec.shapes, has_solid(spec)
+    solid_error = make_solid_error(spec) if has_round else None
     has_mesh = spec.has_mesh
     face_error = make_face_error(spec) if has_mesh else None
 
@@ -172,6 +89,12 @@ def make_t_error(spec: Spec):
         if wp.static(has_plane):
             if shape.kind == wp.static(int(ShapeKind.PLANE)):
                 error = plane_error(c, c.x, c.x_error, shape.upper, wp.vec3d())
+        if wp.static(has_disk):
+            if shape.kind == wp.static(int(ShapeKind.DISK)):
+                error = wall_error(c, WIDE(0.0), 2)
+        if wp.static(has_round):
+            if is_solid(shape.kind):
+                error = solid_error(c, shape.kind, shape.upper[0], shape.upper[2], s.part)
         if wp.static(has_mesh):
             if shape.kind == wp.static(int(ShapeKind.MESH)):
                 error = face_error(scene, shape.mesh, hit.primitive, c, s.u, s.v)

@@ -295,7 +295,7 @@ def make_hit_walk(spec: Spec, search: Search):
     """Best triangle of a mesh on a walk that begins."""
     tier = spec.tier
     Mesh, FaceRay, FaceHit = mesh_struct(tier, True), face_ray_struct(tier), face_hit_struct(tier, search)
-    Walk, next_slot, try_slot = walk_struct(tier.real), make_next_slot(tier), make_try_slot(spec, search)
+    Walk, next_slot, try_slot = walk_struct(tier.real), make_next_slot(tier, search), make_try_slot(spec, search)
 
     @wp.func
     def hit_walk(meshes: wp.array(dtype=Mesh), m: int, ray: FaceRay, walk: Walk, best: FaceHit) -> FaceHit:

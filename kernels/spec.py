@@ -15,6 +15,10 @@ class ShapeKind(IntEnum):
     BOX = 1
     PLANE = 2
     MESH = 3
+    CYLINDER = 4
+    CONE = 5
+    CAPSULE = 6
+    DISK = 7
 
 
 class Projection(Enum):

@@ -75,7 +75,8 @@ def shape_struct(wide, has_mesh: bool):
     fields = {
         "kind": wp.int32,
         "lower": vec3(wide),
-        "upper": vec3(wide),  # sphere: r in each component; plane, which has no bounds: its normal
+        # sphere: r in each component; plane, which has no bounds: its normal; capsule: |z| of the centres of its ends
+        "upper": vec3(wide),
         "pad": wide,  # added to the bounds on all sides before a ray is held against them
     }
     if has_mesh:
@@ -270,6 +271,7 @@ def surface_struct(wide):
             "v": wide,
             "axis": wp.int32,  # of a box: which wall, and whether the upper one
             "is_upper": wp.bool,
+            "part": wp.int32,  # of a cylinder, cone or capsule; see capped.py
             "offset": wide,  # how far along the normal a ray must start so as not to meet this surface
         },
     )

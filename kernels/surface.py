@@ -11,6 +11,7 @@ from .generic import Mat33, Vec3, Wide
 from .instance import make_enter
 from .memory import make_at
 from .rounding import larger, unit_roundoff
+from .solid import has_solid, is_solid, make_onto_solid, make_roots_solid
 from .spec import ShapeKind, Spec
 from .sphere import normal_sphere
 from .structs import hit_struct, mat33, mesh_struct, scene_struct, surface_struct, vec3
@@ -73,6 +74,9 @@ def make_surface(spec: Spec):
     has_sphere = ShapeKind.SPHERE in spec.shapes
     has_box = ShapeKind.BOX in spec.shapes
     has_plane = ShapeKind.PLANE in spec.shapes
+    has_disk = ShapeKind.DISK in spec.shapes
+    has_round = has_solid(spec)
+    roots_solid, onto_solid = (make_roots_solid(spec), make_onto_solid(spec)) if has_round else (None, None)
     has_mesh = spec.has_mesh
     face_ray, hit_slot = (make_face_ray(tier), make_hit_slot(spec)) if has_mesh else (None, None)
 
@@ -109,6 +113,20 @@ def make_surface(spec: Spec):
                 n = unit(shape.upper)
                 p = p - wp.dot(p, n) * n
                 error = error * (wide(1.0) + wp.max(wp.abs(p)))
+        if wp.static(has_disk):
+            if shape.kind == wp.static(int(ShapeKind.DISK)):
+                n = vec(wide(0.0), wide(0.0), wide(1.0))
+                p[2] = wide(0.0)
+        if wp.static(has_round):
+            if is_solid(shape.kind):
+                _is_hit, near, far, near_part, far_part, along = roots_solid(shape.kind, local.o, local.d, shape.upper)
+                t_near, t_far = local.scale * (local.start + near), local.scale * (local.start + far)
+                s.part = along
+                if along < 0 or hit.t == t_near or hit.t == t_far:
+                    s.part = wp.where(wp.abs(hit.t - t_near) <= wp.abs(hit.t - t_far), near_part, far_part)
+                p, n = onto_solid(shape.kind, p, shape.upper, s.part)
+                # A ray may pass a rim and still touch it: by nine roundings of its radius, which it takes nine to see.
+                error += wide(18.0) * unit_roundoff(hit.t) * shape.upper[0]
         if wp.static(has_mesh):
             if shape.kind == wp.static(int(ShapeKind.MESH)):
                 mesh = scene.mesh[shape.mesh]
@@ -120,8 +138,8 @@ def make_surface(spec: Spec):
                 n = unit(wp.cross(e1, e2))
                 # Of the test of a face, see docs/numerics.md; of p; and of the origin, where it is rounded to float32.
                 size = larger(wp.max(wp.abs(shape.lower)), wp.max(wp.abs(shape.upper)))
-                along = wp.abs(s.u * e1) + wp.abs(s.v * e2)
-                of_p = unit_roundoff(hit.t) * (wide(2.0) * wp.abs(p) + wide(3.0) * along)
+                shares = wp.abs(s.u * e1) + wp.abs(s.v * e2)
+                of_p = unit_roundoff(hit.t) * (wide(2.0) * wp.abs(p) + wide(3.0) * shares)
                 error = wide(18.0) * wide(unit_roundoff(result(1.0))) * size + wp.dot(wp.abs(n), of_p)
                 if wp.static(is_rounded):
                     error += wide(unit_roundoff(result(1.0))) * wp.dot(wp.abs(n), wp.abs(p))

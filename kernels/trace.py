@@ -6,12 +6,14 @@ import warp as wp
 
 from .blocks import make_face_at
 from .box import enter_box, roots_box
+from .disk import root_disk
 from .faces import make_face_ray, make_gather, make_hit_faces, make_in_range, make_reported_from
 from .grid import wall
 from .instance import make_enter
 from .memory import int_at
 from .plane import root_plane
 from .rounding import from_t_min, is_ray, larger, largest, real_above, rounding_of_sum, safe_reciprocal, up_to_t_max
+from .solid import has_solid, is_solid, make_roots_solid
 from .spec import Search, ShapeKind, Spec
 from .sphere import roots_sphere
 from .structs import (
@@ -66,6 +68,9 @@ def make_hit_instance(spec: Spec, search: Search):
     has_sphere = ShapeKind.SPHERE in spec.shapes
     has_box = ShapeKind.BOX in spec.shapes
     has_plane = ShapeKind.PLANE in spec.shapes
+    has_disk = ShapeKind.DISK in spec.shapes
+    has_round = has_solid(spec)
+    roots_solid = make_roots_solid(spec) if has_round else None
     has_mesh = spec.has_mesh
     face_ray, hit_faces = (make_face_ray(tier), make_hit_faces(spec, search)) if has_mesh else (None, None)
 
@@ -95,6 +100,20 @@ def make_hit_instance(spec: Spec, search: Search):
                 is_hit, t = root_plane(local.o, local.d, shape.upper)
                 if is_hit:
                     best = closer(local.scale * (local.start + t), i, 0, ray.t_min, ray.t_max, best)
+        if wp.static(has_disk):
+            if shape.kind == wp.static(int(ShapeKind.DISK)):
+                is_hit, t = root_disk(local.o, local.d, shape.upper[0])
+                if is_hit:
+                    best = closer(local.scale * (local.start + t), i, 0, ray.t_min, ray.t_max, best)
+        if wp.static(has_round):
+            if is_solid(shape.kind):
+                is_hit, near, far, _near, _far, along = roots_solid(shape.kind, local.o, local.d, shape.upper)
+                if is_hit:
+                    t_near, t_far = local.scale * (local.start + near), local.scale * (local.start + far)
+                    best = closer(t_near, i, 0, ray.t_min, ray.t_max, best)
+                    if along >= 0 and t_near < ray.t_min and ray.t_min < t_far:
+                        best = closer(reported_from(ray.t_min), i, 0, ray.t_min, ray.t_max, best)
+                    best = closer(t_far, i, 0, ray.t_min, ray.t_max, best)
         if wp.static(has_mesh):
             if shape.kind == wp.static(int(ShapeKind.MESH)):
                 face = FaceHit()

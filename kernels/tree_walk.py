@@ -12,7 +12,7 @@ import warp as wp
 from .blocks import candidates_code, native_code
 from .generic import Struct
 from .grid import cell_of, step_of, wall_t
-from .spec import Tier
+from .spec import Search, Tier
 from .structs import (
     face_ray_struct,
     grid_struct,
@@ -83,9 +83,7 @@ NEXT = """
                 key -= sizeof(REAL) > 4 && key > 0;
                 const wp::int64 entry = ((wp::int64)key << 32) | (unsigned int)child[lane];
                 AHEAD
-                int i = depth++;
-                for (; i > first && walk.entry[i - 1] < entry; --i) walk.entry[i] = walk.entry[i - 1];
-                walk.entry[i] = entry;
+                PLACE
             }
         }
         if (left != 0) {
@@ -175,6 +173,15 @@ def walk_struct(real):
     )
 
 
+NEAREST_FIRST = """
+                int i = depth++;
+                for (; i > first && walk.entry[i - 1] < entry; --i) walk.entry[i] = walk.entry[i - 1];
+                walk.entry[i] = entry;
+"""
+
+AS_THEY_COME = "walk.entry[depth++] = entry;"
+"""For all hits, which are sorted at the end."""
+
 SETUP_SLOT = """
     const int kx = ray.kx, ky = ray.ky, kz = ray.kz;
     const REAL ox = ray.ox, oy = ray.oy, oz = ray.oz, sx = ray.sx, sy = ray.sy;
@@ -211,9 +218,9 @@ def _code(real, trees: str, parts: dict[str, str]) -> str:
     return native_code(code.replace("BOXES_MET", BOXES_MET).replace("JUMP", str(JUMP)), real)
 
 
-def _slot_code(tier: Tier, looked: str, tested: str) -> str:
+def _slot_code(tier: Tier, looked: str = "", tested: str = "", place: str = NEAREST_FIRST) -> str:
     setup, found = SETUP_SLOT.replace("CANDIDATES", candidates_code(tier)), FOUND_SLOT.replace("TESTED", tested)
-    parts = {"SETUP": setup, "FOUND": found, "AHEAD": AHEAD_SLOT, "LOOKED": looked}
+    parts = {"SETUP": setup, "FOUND": found, "AHEAD": AHEAD_SLOT, "LOOKED": looked, "PLACE": place}
     return _code(tier.real, "meshes.data[m].trees", parts)
 
 
@@ -245,7 +252,7 @@ def make_start_walk(real):
 def make_next_instance(wide):
     """The next instance whose box the ray meets with t <= t_max, or -1: once for each cell that lists it."""
     Walk, Instances, Ray = walk_struct(wide), instances_struct(wide, True), world_ray_struct(wide)
-    parts = {"SETUP": "", "FOUND": FOUND_ITEM, "AHEAD": "", "LOOKED": ""}
+    parts = {"SETUP": "", "FOUND": FOUND_ITEM, "AHEAD": "", "LOOKED": "", "PLACE": NEAREST_FIRST}
 
     @wp.func_native(_code(wide, "instances.trees", parts))
     def next_instance(walk: wp.ref[Walk], instances: wp.ref[Instances], ray: wp.ref[Ray], t_max: wide) -> int: ...
@@ -254,12 +261,12 @@ def make_next_instance(wide):
 
 
 @cache
-def make_next_slot(tier: Tier):
+def make_next_slot(tier: Tier, search: Search):
     """The next triangle, by its slot, that the ray may hit with t <= t_max, or -1: roughly front to back."""
-    real = tier.real
+    real, place = tier.real, AS_THEY_COME if search is Search.ALL else NEAREST_FIRST
     Walk, Mesh, FaceRay = walk_struct(real), mesh_struct(tier, True), face_ray_struct(tier)
 
-    @wp.func_native(_slot_code(tier, "", ""))
+    @wp.func_native(_slot_code(tier, place=place))
     def next_slot(
         walk: wp.ref[Walk], meshes: wp.array(dtype=Mesh), m: int, ray: wp.ref[FaceRay], t_max: real
     ) -> int: ...

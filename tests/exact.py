@@ -56,6 +56,47 @@ def face_parameter(o: Vector, d: Vector, corners: list[Vector]) -> Fraction | No
     return plane_parameter(o, d, p, cross(minus(q, p), minus(r, p)))
 
 
+def round_values(kind: str, o: Vector, d: Vector, radius: Fraction, half: Fraction) -> list:
+    """Of each surface that bounds a cylinder, cone, capsule or disk about the origin: a polynomial (c, -b, a) in t.
+
+    It is c - 2 b t + a t^2, and 0 where the ray is on the surface; b and a for planes are such that this is linear.
+    """
+
+    def quadric(weights, center, constant):
+        x = minus(o, center)
+        return [
+            sum(w * p * q for w, p, q in zip(weights, *pair, strict=True)) - end
+            for pair, end in (((x, x), constant), ((x, d), 0), ((d, d), 0))
+        ]
+
+    def plane(z):
+        return [o[2] - z, d[2] / 2, Fraction(0)]
+
+    zero, one = Fraction(0), Fraction(1)
+    if kind == "disk":
+        return [plane(zero)]
+    if kind == "cone":
+        return [quadric([4 * half**2, 4 * half**2, -(radius**2)], [zero, zero, half], 0), plane(-half)]
+    side = quadric([one, one, zero], [zero] * 3, radius**2)
+    if kind == "cylinder":
+        return [side, plane(-half), plane(half)]
+    return [side, *(quadric([one] * 3, [zero, zero, z], radius**2) for z in (-half, half))]
+
+
+def has_root(polynomial: list, low: Fraction, high: Fraction) -> bool:
+    """Whether c - 2 b t + a t^2, as round_values gives it, is 0 between two parameters."""
+
+    def value(t):
+        return polynomial[0] + t * (2 * polynomial[1] + t * polynomial[2])
+
+    if value(low) * value(high) <= 0:
+        return True
+    if polynomial[2] == 0:
+        return False
+    turn = -polynomial[1] / polynomial[2]
+    return low <= turn <= high and value(low) * value(turn) <= 0
+
+
 def sphere_value(o: Vector, d: Vector, center: Vector, radius: Fraction, t: Fraction) -> Fraction:
     """|o + t d - center|^2 - radius^2: it changes its sign at a root."""
     x = [a + t * b - c for a, b, c in zip(o, d, center, strict=True)]

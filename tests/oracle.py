@@ -104,6 +104,62 @@ def hit_box(o, d, lower, upper, t_min=0, t_max=inf):
     return min(found, default=None)
 
 
+def roots_of(a, b, c):
+    """Both t with a t^2 - 2 b t + c = 0, or the one there is, or none: by the textbook."""
+    if a == 0:
+        return [c / (2 * b)] if b else []
+    quarter = b * b - a * c
+    if quarter < 0:
+        return []
+    return sorted([(b - square_root(quarter)) / a, (b + square_root(quarter)) / a])
+
+
+def roots_side(o, d, r):
+    """All t at which a line is at distance r from the z axis."""
+    o, d = o[:2], d[:2]
+    return roots_of(d @ d, -(o @ d), o @ o - r * r)
+
+
+def roots_cone(o, d, r, half):
+    """All t at which a line is on the endless double cone through the rim in z = -half with its apex in z = half."""
+    slant = np.array([4 * half * half, 4 * half * half, -r * r], dtype=object)
+    p = o - np.array([0, 0, half], dtype=object)
+    return roots_of((slant * d) @ d, -((slant * p) @ d), (slant * p) @ p)
+
+
+def ends_of(o, d, z, r):
+    """The t at which a line passes through the disk of radius r in the plane z, as a list."""
+    if d[2] == 0:
+        return []
+    t = (z - o[2]) / d[2]
+    x, y, _ = o + t * d
+    return [t] if x * x + y * y <= r * r else []
+
+
+def points_solid(kind, o, d, r, half):
+    """All t, in ascending order, at which a line meets a surface of a cylinder, cone or capsule, piece by piece.
+
+    Of a piece on which it runs for a while, only what other pieces share with it.
+    """
+
+    def is_on_side(t):
+        # Where the root is irrational, it is known to 2^-200.
+        return abs(o[2] + t * d[2]) <= half + Fraction(1, 2**150)
+
+    if kind == "cylinder":
+        found = [t for t in roots_side(o, d, r) if is_on_side(t)]
+        found += ends_of(o, d, half, r) + ends_of(o, d, -half, r)
+    elif kind == "capsule":
+        found = [t for t in roots_side(o, d, r) if is_on_side(t)]
+        for end in (-half, half):
+            roots = roots_sphere(o - np.array([0, 0, end]), d, r) or ()
+            found += [t for t in roots if (o[2] + t * d[2] - end) * end >= 0]
+    else:
+        found = [t for t in roots_cone(o, d, r, half) if is_on_side(t)]
+        found += ends_of(o, d, half, 0) + ends_of(o, d, -half, r)
+    return sorted(found)
+
+
 def root_plane(o, d, n):
     """T on the plane through the origin, or None."""
     speed = dot(n, d)

@@ -44,6 +44,23 @@ def test_example_of_the_documentation(folder):
     assert (ball.material, small.shape.radius) == (None, 0.25)
 
 
+def test_round_shapes(folder):
+    scene = load(
+        folder,
+        "cylinder { radius = 2; height = 3; center = (1, 2, 3); } cone { } capsule { radius = 0.5; height = 4; } "
+        "disk rim { radius = 5; } geometry_instance { geometry = rim; translate = (0, 0, 1); }",
+    )
+    cylinder, cone, capsule, disk = (item.shape for item in scene.objects)
+    assert (cylinder.radius, cylinder.height, cylinder.center.tolist()) == (2, 3, [1, 2, 3])
+    assert (type(cone), cone.radius, cone.height) == (rt.Cone, 1, 2)
+    assert (type(capsule), capsule.radius, capsule.height) == (rt.Capsule, 0.5, 4)
+    assert (type(disk), disk.radius) == (rt.Disk, 5)
+    with pytest.raises(ValueError, match=r"1:1: Cone height must be positive; got -1"):
+        load(folder, "cone { height = -1; }")
+    with pytest.raises(ValueError, match=r"cone has no 'size'; it has radius, height, center"):
+        load(folder, "cone { size = 1; }")
+
+
 def test_statements_of_an_instance_act_in_the_order_written(folder):
     scene = load(
         folder,

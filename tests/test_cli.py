@@ -7,6 +7,7 @@ import sys
 import numpy as np
 import PIL.Image
 import pytest
+from glb import triangle_glb
 
 from warprt.cli import main
 
@@ -107,3 +108,12 @@ def test_module_runs_and_draws_no_bar_into_a_pipe(folder):
 
 
 ROOT = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
+
+
+@pytest.mark.filterwarnings("default")
+def test_glb_is_rendered_and_what_is_not_understood_is_named_in_a_line(folder, capfd):
+    glb = triangle_glb(name="leaf", skin=0)
+    glb.save(folder / "leaf.glb")
+    assert run("render", "leaf.glb", "--size", "32x24", "--device", "cpu") == 0
+    assert size_of("leaf.png") == (32, 24)
+    assert "warprt: warning: leaf.glb: nodes[0] 'leaf': its skin" in capfd.readouterr().err

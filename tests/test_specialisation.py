@@ -19,6 +19,10 @@ WORDS = {
     ShapeKind.BOX: "roots_box",
     ShapeKind.PLANE: "root_plane",
     ShapeKind.MESH: "edge_weights",
+    ShapeKind.CYLINDER: "roots_cylinder",
+    ShapeKind.CONE: "roots_cone",
+    ShapeKind.CAPSULE: "roots_capsule",
+    ShapeKind.DISK: "root_disk",
 }
 
 

@@ -3,6 +3,7 @@
 import exact
 import numpy as np
 import pytest
+import solids
 import trimesh
 from exact import exactly
 
@@ -80,6 +81,87 @@ def exact_parameter(shape, place, matrix, o, d, hits, k):
     axis = int(np.argmax(np.abs(local)))
     wall = exactly((shape.upper if local[axis] > 0 else shape.lower)[axis])
     return (wall - o[axis]) / d[axis]
+
+
+ROUND_RAYS = 100
+"""Of cylinder, cone, capsule and disk, which share the kernels of a scene that has all of them."""
+
+
+def rays_at_round(kind, matrix, rng, dtype, is_grazing, count=ROUND_RAYS):
+    """Rays to points of a shape, from all sides and distances; or such as nearly touch it."""
+    shape = solids.SHAPES[kind]
+    height = getattr(shape, "height", 0)
+    p = solids.points_on(kind, rng, count, shape.radius, height)
+    around = rng.normal(size=(count, 3))
+    if is_grazing:
+        # Along the surface, but for a little.
+        step = 1e-4 * np.eye(3)
+        out = np.stack(
+            [np.subtract(*(solids.distance(kind, p + w * s, shape.radius, height) for w in (1, -1))) for s in step], 1
+        )
+        out /= np.maximum(np.linalg.norm(out, axis=1, keepdims=True), 1e-9)
+        around -= np.sum(around * out, axis=1, keepdims=True) * out
+        p -= out * rng.choice([1e-12, 1e-8, 1e-4], (count, 1))
+    from_local = p + around * rng.choice([0.1, 1, 10, 1e4], (count, 1))
+    o, q = (np.einsum("xy,ny->nx", matrix[:3, :3], v + shape.center) + matrix[:3, 3] for v in (from_local, p))
+    o = o.astype(dtype)
+    return o, ((q - o) * rng.choice([1e-3, 1, 7], (count, 1))).astype(dtype)
+
+
+def polynomials(kind, place, o, d, k):
+    """Of each surface of the shape, along ray k."""
+    shape = solids.SHAPES[kind]
+    local = place.ray_to_local(exactly(o[k]), exactly(d[k]))
+    return exact.round_values(
+        kind,
+        exact.minus(local[0], exactly(shape.center)),
+        local[1],
+        exactly(shape.radius),
+        exactly(getattr(shape, "height", 0)) / 2,
+    )
+
+
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+@pytest.mark.parametrize("is_grazing", [False, True], ids=["all sides", "grazing"])
+@pytest.mark.parametrize("placement", KINDS)
+@pytest.mark.parametrize("kind", solids.SHAPES)
+def test_exact_parameter_on_a_round_shape_lies_within_the_bound(
+    kind, placement, is_grazing, dtype, accuracy, device, rng
+):
+    matrix = placements(rng, placement)
+    o, d = rays_at_round(kind, matrix, rng, dtype, is_grazing)
+    hits = rt.Tracer(solids.scene_of(kind, solids.SHAPES[kind], matrix), accuracy, device).cast(o, d)
+    place = exact.Placement(matrix)
+    bounded = np.flatnonzero(hits.hit & np.isfinite(hits.t_error))
+    for k in bounded:
+        t, e = exactly(hits.t[k]), exactly(hits.t_error[k])
+        assert any(exact.has_root(p, t - e, t + e) for p in polynomials(kind, place, o, d, k))
+    assert not np.isnan(hits.t_error).any()
+    assert (hits.t_error[~hits.hit] == 0).all()
+    assert (hits.instance_id[hits.hit] == 0).all()
+    if not is_grazing:
+        # Rays are rounded after they have been aimed, which far away, or at what is flat, may turn them off.
+        assert hits.hit.mean() > 0.3
+        assert len(bounded) > 0.98 * hits.hit.sum()
+
+
+@pytest.mark.parametrize("kind", solids.SHAPES)
+def test_bounds_of_round_shapes_are_not_loose(kind, accuracy, device, rng):
+    matrix = placements(rng, "plain")
+    o, d = rays_at_round(kind, matrix, rng, np.float32, False, 400)
+    hits = rt.Tracer(solids.scene_of(kind, solids.SHAPES[kind], matrix), accuracy, device).cast(o, d)
+    found = np.flatnonzero(hits.hit)
+    is_bounded = np.isfinite(hits.t_error[found])
+    assert is_bounded.mean() > 0.98
+    place, ratio = exact.Placement(matrix), []
+    for k in found[is_bounded]:
+        t = exactly(hits.t[k])
+        # By a step of Newton's, onto the surface that is nearest.
+        steps = [
+            (c + t * (2 * b + t * a)) / (2 * (b + t * a)) for c, b, a in polynomials(kind, place, o, d, k) if b + t * a
+        ]
+        ratio.append(hits.t_error[k] / max(min(abs(float(step)) for step in steps), 1e-300))
+    assert np.median(ratio) < 100
 
 
 def is_within(shape, place, matrix, o, d, hits, k):

@@ -29,6 +29,10 @@ from .scene import Instances as Instances
 from .scene import Scene as Scene
 from .scene_files import load_scene as load_scene
 from .shapes import Box as Box
+from .shapes import Capsule as Capsule
+from .shapes import Cone as Cone
+from .shapes import Cylinder as Cylinder
+from .shapes import Disk as Disk
 from .shapes import Plane as Plane
 from .shapes import Sphere as Sphere
 from .texture import Texture as Texture

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 import warp as wp
 
-from warprt.kernels.cast_all import make_gather_all, make_settle, make_store_all, tasks_struct
+from warprt.kernels.cast_all import make_gather_all, make_store_all, tasks_struct
 from warprt.kernels.structs import crossed_struct
 
 from .assemble import DeviceScene
@@ -149,28 +149,29 @@ def _pieces(part: RayPart, want: Gathering) -> Iterator[Piece]:
     step = GATHERED // ROOM
     for first in range(0, part.count, step):
         ray = np.arange(first, min(first + step, part.count), dtype=np.int32)
-        tasks = _gathered(part, want, ray, np.full(len(ray), ROOM), first)
-        count = tasks.count.numpy()
-        over = np.flatnonzero(count > ROOM)
-        if count[over].sum(dtype=np.int64) <= GATHERED:
-            again = [_gathered(part, want, ray[over], count[over], first)] if len(over) else []
-            yield _piece(part, want, [tasks, *again], first, len(ray))
+        kept = wp.empty(len(ray), dtype=wp.int32, device=want.scene.device)
+        tasks = _gathered(part, want, ray, np.full(len(ray), ROOM), kept, first)
+        room = tasks.room.numpy()
+        over = np.flatnonzero(room > ROOM)
+        if room[over].sum(dtype=np.int64) <= GATHERED:
+            again = [_gathered(part, want, ray[over], room[over], kept, first)] if len(over) else []
+            yield _piece(part, want, [tasks, *again])
             continue
         del tasks
-        for rows in _shares(count):
-            start = first + rows.start
-            yield _piece(part, want, [_gathered(part, want, ray[rows], count[rows], start)], start, len(ray[rows]))
+        for rows in _shares(room):
+            kept = wp.empty(int(rows.stop - rows.start), dtype=wp.int32, device=want.scene.device)
+            yield _piece(part, want, [_gathered(part, want, ray[rows], room[rows], kept, first + int(rows.start))])
 
 
-def _shares(count: np.ndarray) -> Iterator[slice]:
+def _shares(room: np.ndarray) -> Iterator[slice]:
     """Runs of rays whose hits are about as many as are gathered at a time; a ray that has more is one of its own."""
-    share = np.cumsum(count, dtype=np.int64) // GATHERED
+    share = np.cumsum(room, dtype=np.int64) // GATHERED
     edges = np.flatnonzero(np.diff(share, prepend=-1, append=-1))
     yield from (slice(first, last) for first, last in itertools.pairwise(edges))
 
 
-def _gathered(part: RayPart, want: Gathering, ray: np.ndarray, room: np.ndarray, first_ray: int):
-    """Tasks with the hits of these rays, as far as there is room."""
+def _gathered(part: RayPart, want: Gathering, ray: np.ndarray, room: np.ndarray, kept: wp.array, first_ray: int):
+    """Tasks with the hits of these rays, those that there is room for; the first ray of `kept` is first_ray."""
     scene, wide = want.scene, want.scene.spec.tier.wide
     tasks = tasks_struct(wide)()
     first = np.concatenate([[0], np.cumsum(room)]).astype(np.int32)
@@ -178,29 +179,27 @@ def _gathered(part: RayPart, want: Gathering, ray: np.ndarray, room: np.ndarray,
     tasks.first_ray = first_ray
     tasks.first = wp.array(first, dtype=wp.int32, device=scene.device)
     tasks.crossed = wp.empty(int(first[-1]), dtype=crossed_struct(wide), device=scene.device)
-    tasks.count = wp.empty(len(ray), dtype=wp.int32, device=scene.device)
-    launch(make_gather_all(scene.spec), len(ray), [scene.struct, part.struct, tasks], scene.device, want.threads)
+    tasks.room = wp.empty(len(ray), dtype=wp.int32, device=scene.device)
+    tasks.kept = kept
+    inputs = [scene.struct, part.struct, tasks, want.most]
+    launch(make_gather_all(scene.spec), len(ray), inputs, scene.device, want.threads)
     return tasks
 
 
-def _piece(part: RayPart, want: Gathering, batches: list, first: int, count: int) -> Piece:
-    """The hits of rays first .. first + count - 1, from tasks that together hold all of them."""
+def _piece(part: RayPart, want: Gathering, batches: list) -> Piece:
+    """The hits of some rays, from tasks that together hold all of them."""
     scene = want.scene
-    kept = wp.zeros(count, dtype=wp.int32, device=scene.device)
-    for tasks in batches:
-        inputs = [scene.struct, tasks, want.most, kept]
-        launch(make_settle(scene.spec), tasks.ray.size, inputs, scene.device, want.threads)
-    counts = kept.numpy().copy()
+    kept = batches[0].kept.numpy().copy()
     if not want.names:
-        return Piece(counts, {})
-    offset = np.cumsum(counts, dtype=np.int64) - counts
-    total = int(counts.sum(dtype=np.int64))
+        return Piece(kept, {})
+    offset = np.cumsum(kept, dtype=np.int64) - kept
+    total = int(kept.sum(dtype=np.int64))
     types = field_types(scene.spec.tier.result)
     fields = {name: wp.empty(total, dtype=types[name], device=scene.device) for name in want.names}
     arrays = hit_arrays(scene.spec.tier.result, fields)
     kernel = make_store_all(scene.spec, not set(want.names) <= set(BRIEF))
     starts = wp.array(offset.astype(np.int32), dtype=wp.int32, device=scene.device)
     for tasks in batches:
-        inputs = [scene.struct, part.struct, tasks, kept, starts, arrays]
+        inputs = [scene.struct, part.struct, tasks, starts, arrays]
         launch(kernel, tasks.ray.size, inputs, scene.device, want.threads)
-    return Piece(counts, fields)
+    return Piece(kept, fields)

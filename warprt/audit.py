@@ -10,7 +10,7 @@ from .cautions import cautions
 from .measure import sample_rays
 from .mesh import Mesh
 from .scene import Instance, Scene
-from .shapes import Sphere
+from .shapes import Box, Plane, Sphere
 from .tracer import TIERS, Tracer
 from .truth import parameters
 
@@ -28,7 +28,7 @@ class Audit:
     """Diagonal of the bounds of all bounded shapes."""
     largest_coordinate: float
     smallest_feature: float
-    """The least edge of a triangle, radius or side of a box, as placed."""
+    """The least edge of a triangle, radius, height, or side of a box, as placed."""
     condition: float
     """The largest condition number of a placement."""
     distance_over_radius: float
@@ -156,13 +156,13 @@ def _smallest_feature(scene: Scene) -> float:
         if isinstance(item.shape, Mesh):
             lengths = _edges(item.shape)
             size = lengths[lengths > 0].min(initial=np.inf)
-        elif isinstance(item.shape, Sphere):
-            size = item.shape.radius
-        elif item.shape.bounds is not None:
+        elif isinstance(item.shape, Box):
             sides = item.shape.upper - item.shape.lower
             size = sides[sides > 0].min(initial=np.inf)
-        else:
+        elif isinstance(item.shape, Plane):
             continue
+        else:
+            size = min(item.shape.radius, getattr(item.shape, "height", np.inf))
         if len(m):
             least = min(least, float(size * np.linalg.svd(m[:, :3, :3], compute_uv=False)[:, 2].min()))
     return least

@@ -4,7 +4,7 @@ import numpy as np
 
 from .mesh import Mesh
 from .scene import Instance
-from .shapes import Box, Sphere
+from .shapes import Box, Capsule, Cone, Cylinder, Sphere
 from .tracer import Tracer
 
 U32, U64 = 2.0**-24, 2.0**-53
@@ -108,13 +108,16 @@ def wall_thickness(placements, rows: slice, shape) -> tuple[np.ndarray, np.ndarr
     a, b = placements.canonical_linear[rows], placements.canonical_origin[rows]
     w = placements.local_from_world[rows] / canonical.scale
     per_unit = np.linalg.norm(w, axis=2)
-    largest = np.maximum(np.abs(canonical.lower), np.abs(canonical.upper))
+    lower, upper = canonical.corners()
+    largest = np.maximum(np.abs(lower), np.abs(upper))
     error = 32 * U32 * largest.max() if isinstance(shape, Mesh) else 8 * U64
+    if isinstance(shape, (Cylinder, Cone, Capsule)):
+        error += 18 * U64 * upper[0]
     terms = np.abs(a) @ largest
     at = 3 * (2 * terms + np.abs(b))
     local = error + 8 * U64 * np.einsum("nij,nj->ni", np.abs(w), terms)
     bound = U64 * np.einsum("nij,nj->ni", np.abs(w), at) / per_unit + local / per_unit
-    return (canonical.upper - canonical.lower) / per_unit, bound
+    return (upper - lower) / per_unit, bound
 
 
 def _which(is_found: np.ndarray, rows: slice, worst: int) -> str:

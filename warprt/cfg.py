@@ -17,7 +17,7 @@ from .materials import Material
 from .matrix_camera import MatrixCamera
 from .mesh import Mesh
 from .scene import Instance, Scene
-from .shapes import Box, Plane, Sphere
+from .shapes import Box, Capsule, Cone, Cylinder, Disk, Plane, Sphere
 from .texture import Texture
 from .transform import Transform
 
@@ -291,6 +291,22 @@ def _plane(point=(0.0, 0.0, 0.0), normal=(0.0, 1.0, 0.0)):
     return Plane(point, normal)
 
 
+def _cylinder(radius=1.0, height=2.0, center=(0.0, 0.0, 0.0)):
+    return Cylinder(radius, height, center)
+
+
+def _cone(radius=1.0, height=2.0, center=(0.0, 0.0, 0.0)):
+    return Cone(radius, height, center)
+
+
+def _capsule(radius=1.0, height=2.0, center=(0.0, 0.0, 0.0)):
+    return Capsule(radius, height, center)
+
+
+def _disk(radius=1.0, center=(0.0, 0.0, 0.0)):
+    return Disk(radius, center)
+
+
 def _mesh(file, folder, grid_acceleration=True, grid_resolution=None, unit_cube=True):
     for key, value in (("grid_acceleration", grid_acceleration), ("unit_cube", unit_cube)):
         if not isinstance(value, bool):
@@ -314,7 +330,16 @@ def _whole(values, name: str, count: int) -> tuple:
     return tuple(int(value) for value in values)
 
 
-_SHAPES = {"sphere": _sphere, "axis_aligned_box": _box, "plane": _plane, "triangle_mesh": _mesh}
+_SHAPES = {
+    "sphere": _sphere,
+    "axis_aligned_box": _box,
+    "plane": _plane,
+    "cylinder": _cylinder,
+    "cone": _cone,
+    "capsule": _capsule,
+    "disk": _disk,
+    "triangle_mesh": _mesh,
+}
 
 
 def _camera(position, target=(0.0, 0.0, 0.0), up=(0.0, 1.0, 0.0), fov=45.0):

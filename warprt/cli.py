@@ -5,6 +5,7 @@ import os
 import sys
 import tempfile
 import time
+import warnings
 from pathlib import Path
 
 import warp as wp
@@ -31,7 +32,9 @@ def main(arguments: list[str] | None = None) -> int:
     launch.on_compile = _announce_compile
     try:
         _start_warp()
-        options.run(options)
+        with warnings.catch_warnings():
+            warnings.showwarning = _show_warning
+            options.run(options)
     except (ValueError, OSError, MemoryError) as error:
         print(f"warprt: {error}", file=sys.stderr)
         return 2
@@ -39,6 +42,10 @@ def main(arguments: list[str] | None = None) -> int:
         print("warprt: interrupted", file=sys.stderr)
         return 130
     return 0
+
+
+def _show_warning(message, *_, **__) -> None:
+    print(f"warprt: warning: {message}", file=sys.stderr)
 
 
 def _start_warp() -> None:
@@ -64,7 +71,9 @@ def _parser() -> _Parser:
     parser.add_argument("--version", action="version", version=f"warprt {__version__}")
     commands = parser.add_subparsers(required=True, metavar="COMMAND", parser_class=_Parser)
     render = commands.add_parser("render", help="make a picture of a scene")
-    render.add_argument("scene", metavar="SCENE", help="a file (.py .cfg .obj .ply .stl .off) or a ready scene")
+    render.add_argument(
+        "scene", metavar="SCENE", help="a file (.py .cfg .glb .gltf .obj .ply .stl .off) or a ready scene"
+    )
     render.add_argument("-o", "--output", metavar="FILE", help="default: the scene's name with .png, here")
     render.add_argument("--size", type=_size, default=(640, 480), metavar="WxH", help="pixels; default 640x480")
     render.add_argument("--samples", type=int, default=4, metavar="N", help="rays per pixel; default 4")

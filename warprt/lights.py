@@ -58,3 +58,9 @@ class GradientSky:
     def __post_init__(self):
         object.__setattr__(self, "horizon", checks.color(self.horizon, "GradientSky horizon"))
         object.__setattr__(self, "zenith", checks.color(self.zenith, "GradientSky zenith"))
+
+
+def daylight() -> tuple[list[DirectionalLight | AmbientLight], GradientSky]:
+    """(lights, sky) for scenes that bring none."""
+    lights = [DirectionalLight((-0.6, -1.0, -0.8), (0.75, 0.72, 0.68)), AmbientLight((0.22, 0.24, 0.28))]
+    return lights, GradientSky((0.92, 0.94, 0.97), (0.45, 0.6, 0.85))

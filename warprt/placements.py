@@ -155,8 +155,9 @@ class Placements:
 
     def _world_bounds(self, linear: np.ndarray, origin: np.ndarray, shape: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(n, 3) corners of padded world bounds; infinite for planes."""
-        lower = np.array([c.lower - c.pad for c in self._canonicals]).reshape(-1, 3)[shape]
-        upper = np.array([c.upper + c.pad for c in self._canonicals]).reshape(-1, 3)[shape]
+        lower, upper = (
+            np.array([c.corners(c.pad) for c in self._canonicals]).reshape(-1, 2, 3)[shape].transpose(1, 0, 2)
+        )
         center = np.einsum("nij,nj->ni", linear, (lower + upper) / 2) + origin
         half = np.einsum("nij,nj->ni", np.abs(linear), (upper - lower) / 2)
         is_sphere = self._shape_kind[shape] == int(ShapeKind.SPHERE)

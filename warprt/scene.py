@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import TypeAlias
 
 import numpy as np
@@ -11,12 +12,12 @@ from .cameras import CAMERAS, AnyCamera
 from .lights import AmbientLight, DirectionalLight, GradientSky, PointLight
 from .materials import Material
 from .mesh import Mesh
-from .shapes import Box, Plane, Sphere
+from .shapes import Box, Capsule, Cone, Cylinder, Disk, Plane, Sphere
 from .transform import affine, as_transform, inverse_linear
 from .typing import ArrayLike, Placement
 
-Shape: TypeAlias = Sphere | Box | Plane | Mesh
-SHAPES = (Sphere, Box, Plane, Mesh)
+Shape: TypeAlias = Sphere | Box | Plane | Mesh | Cylinder | Cone | Capsule | Disk
+SHAPES = (Sphere, Box, Plane, Mesh, Cylinder, Cone, Capsule, Disk)
 LIGHTS = (AmbientLight, PointLight, DirectionalLight)
 
 
@@ -96,6 +97,8 @@ class Scene:
     """None: a camera that sees all bounded shapes is chosen when one is needed."""
     background: ArrayLike | GradientSky = (0.0, 0.0, 0.0)
     """Linear RGB, or a sky."""
+    names: Sequence[str] | None = None
+    """Of the placements, by instance id; files bring them. `scene.names[instance_id]` says what a ray has hit."""
 
     def __post_init__(self):
         objects = []
@@ -111,11 +114,55 @@ class Scene:
             _require(self.camera, CAMERAS, "Scene camera")
         if not isinstance(self.background, GradientSky):
             object.__setattr__(self, "background", checks.color(self.background, "Scene background"))
+        if self.names is not None:
+            object.__setattr__(self, "names", self._checked_names())
+
+    def _checked_names(self) -> tuple[str, ...]:
+        names = tuple(_sequence(self.names, "Scene names"))
+        if len(names) != self.instance_count or not all(isinstance(name, str) for name in names):
+            raise ValueError(f"Scene names must be one string for each of {self.instance_count} placements")
+        return names
 
     @property
     def instance_count(self) -> int:
         """How many placements there are."""
         return sum(len(item) if isinstance(item, Instances) else 1 for item in self.objects)
+
+    @classmethod
+    def from_trimesh(cls, scene) -> "Scene":
+        """A trimesh.Scene, or one trimesh.Trimesh: see `warprt.trimesh_scenes`.
+
+        All placements of one geometry, or of equal ones, become one Instances. Instance ids follow the order in which
+        geometries first appear among the scene's nodes, then that of the nodes; `names` are those of the nodes. What is
+        not understood is warned about by name. Raises ValueError for a mesh without faces and the like.
+        """
+        from .trimesh_scenes import scene_from_trimesh
+
+        return scene_from_trimesh(scene)
+
+    def to_trimesh(self):
+        """A trimesh.Scene in which every placement is a node, and copies share their geometry.
+
+        Spheres, boxes, cylinders and capsules become its primitives, cones and disks triangles; colours are rounded to
+        the 8 bits that trimesh has for them. What it has no word for (planes, ambient light) is warned about.
+        """
+        from .trimesh_export import scene_to_trimesh
+
+        return scene_to_trimesh(self)
+
+    def export(self, path: str | Path) -> None:
+        """Writes a .glb or .gltf file, whole or not at all, that `load_scene` reads back as the same scene.
+
+        Vertices are rounded to float32. Copies are written with EXT_mesh_gpu_instancing, which the file then requires,
+        and rounded to float32, where they are moved, turned and scaled only; others, and single placements, keep their
+        matrix in full. Copies in several materials are written material by material, so that their ids change. Spheres
+        and other exact shapes are written as triangles, which other programs show, beside what they are exactly. What
+        other programs will not see is warned about. Raises ValueError for another suffix, OSError when the path cannot
+        be written.
+        """
+        from .gltf_export import export_gltf
+
+        export_gltf(self, path)
 
 
 def _require(value, types: tuple[type, ...], name: str) -> None:

@@ -5,8 +5,10 @@ import sys
 import traceback
 from pathlib import Path
 
+from . import gltf
 from .cfg import read_cfg
-from .lights import AmbientLight, DirectionalLight, GradientSky
+from .gltf_scene import read_gltf
+from .lights import daylight
 from .materials import Material
 from .mesh import Mesh
 from .mesh_files import SUFFIXES, read_parts
@@ -38,9 +40,9 @@ def find_scene(name: str | Path) -> Path:
 def load_scene(path: str | Path) -> Scene:
     """A scene from a file, or a ready one by its name.
 
-    .py: what its function scene() returns. .cfg: see `warprt.cfg`. Meshes (.obj .ply .stl .off): an instance for
-    each material of the file, lit and framed. Raises FileNotFoundError, or ValueError that names the file and what is
-    wrong with it.
+    .py: what its function scene() returns. .cfg: see `warprt.cfg`. .glb and .gltf: see `warprt.gltf_scene`. Meshes
+    (.obj .ply .stl .off): an instance for each material of the file, lit and framed. Raises FileNotFoundError, or
+    ValueError that names the file and what is wrong with it.
     """
     path = find_scene(path)
     suffix = path.suffix.lower()
@@ -48,9 +50,12 @@ def load_scene(path: str | Path) -> Scene:
         return _python_scene(path)
     if suffix == ".cfg":
         return read_cfg(path)
+    if suffix in gltf.SUFFIXES:
+        return read_gltf(path)
     if suffix in SUFFIXES:
         return _mesh_scene(path)
-    raise ValueError(f"cannot read {path}: scenes are .py, .cfg or one of {' '.join(SUFFIXES)}")
+    kinds = (".py", ".cfg", *gltf.SUFFIXES, *SUFFIXES)
+    raise ValueError(f"cannot read {path}: scenes are {' '.join(kinds)}")
 
 
 def _mesh_scene(path: Path) -> Scene:
@@ -60,8 +65,7 @@ def _mesh_scene(path: Path) -> Scene:
         objects = [_part(part) for part in parts]
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
-    lights = [DirectionalLight((-0.6, -1.0, -0.8), (0.75, 0.72, 0.68)), AmbientLight((0.22, 0.24, 0.28))]
-    sky = GradientSky((0.92, 0.94, 0.97), (0.45, 0.6, 0.85))
+    lights, sky = daylight()
     return Scene(objects, lights=lights, background=sky)
 
 

@@ -13,15 +13,16 @@ import warp as wp
 from trimesh.caching import Cache, cache_decorator
 from trimesh.ray.ray_util import contains_points
 
+from warprt.kernels.points import find_points
+
 from . import checks
+from .launch import launch
 from .mesh import Mesh
 from .scene import Scene
 from .tracer import TIERS, Tracer, as_device, choice
 from .typing import ArrayLike
 
 Ids = np.ndarray
-GRAZING = 1e-6
-"""Sine of the angle between a ray and a face from which on the point comes from t, and not from the plane."""
 
 
 class RayMeshIntersector:
@@ -94,7 +95,7 @@ class RayMeshIntersector:
         ray, face, t = self._hits(origins, directions, most)
         if not return_locations:
             return face, ray
-        return face, ray, self._points(origins[ray], directions[ray], face, t)
+        return face, ray, self._points(origins, directions, ray, face, t)
 
     def intersects_location(
         self, ray_origins: ArrayLike, ray_directions: ArrayLike, multiple_hits: bool = True, **kwargs
@@ -131,21 +132,40 @@ class RayMeshIntersector:
             ray = np.flatnonzero(hits.hit)
             return ray, hits.primitive_id[ray].astype(np.int64), hits.t[ray]
         hits = self._tracer.cast_all(origins, directions, outputs=("t", "primitive_id"), max_hits=most)
-        ray = hits.ray_id
-        number = np.arange(len(ray)) - hits.offsets[ray]
-        # Small integers, for which a stable sort goes by their digits.
-        order = np.argsort(number.astype(np.uint16 if most < 2**16 else np.int64), kind="stable")
-        return ray[order], hits.primitive_id[order].astype(np.int64), hits.t[order]
+        ray, row = _hit_by_hit(hits.offsets)
+        return ray, hits.primitive_id[row].astype(np.int64), hits.t[row]
 
-    def _points(self, origins: np.ndarray, directions: np.ndarray, face: Ids, t: np.ndarray) -> np.ndarray:
-        """(m, 3) where rays meet the planes of faces, in float64; by t where they run almost in the plane."""
-        corner = self.mesh.vertices.view(np.ndarray)[self.mesh.faces.view(np.ndarray)[face, 0]]
-        normal = self.mesh.face_normals.view(np.ndarray)[face]
-        speed = np.einsum("ij,ij->i", normal, directions)
-        is_grazing = ~(np.abs(speed) > GRAZING * np.linalg.norm(directions, axis=1))
-        with np.errstate(divide="ignore", invalid="ignore"):
-            along = np.einsum("ij,ij->i", normal, corner - origins) / speed
-        return origins + np.where(is_grazing, t, along)[:, None] * directions
+    def _points(self, origins: np.ndarray, directions: np.ndarray, ray: Ids, face: Ids, t: np.ndarray) -> np.ndarray:
+        """(m, 3) where rays meet the planes of faces, in float64 whatever the accuracy."""
+        if len(ray) == 0:
+            return np.zeros((0, 3))
+        device = self._tracer.device
+
+        def array(values, dtype):
+            return wp.array(np.ascontiguousarray(values), dtype=dtype, device=device, copy=False)
+
+        vertices, faces = np.asarray(self.mesh.vertices, np.float64), np.asarray(self.mesh.faces, np.int32)
+        points = wp.empty(len(ray), dtype=wp.vec3d, device=device)
+        inputs = [array(origins, wp.vec3d), array(directions, wp.vec3d), array(vertices, wp.vec3d)]
+        inputs += [array(faces, wp.vec3i), array(ray, wp.int64), array(face, wp.int64)]
+        inputs += [array(t.astype(np.float64), wp.float64), points]
+        launch(find_points, len(ray), inputs, device, self._tracer.threads)
+        return points.numpy()
+
+
+def _hit_by_hit(offsets: np.ndarray) -> tuple[Ids, np.ndarray]:
+    """(rays, rows of their hits) in CSR form, as first hits of all rays, then second hits, and so on."""
+    start, count = offsets[:-1], np.diff(offsets)
+    ray = np.flatnonzero(count)
+    rays, rows, number = [], [], 0
+    while len(ray):
+        rays.append(ray)
+        rows.append(start[ray] + number)
+        number += 1
+        ray = ray[count[ray] > number]
+    if not rays:
+        return np.zeros(0, np.int64), np.zeros(0, np.int64)
+    return np.concatenate(rays), np.concatenate(rows)
 
 
 def _rays(origins: ArrayLike, directions: ArrayLike) -> tuple[np.ndarray, np.ndarray]:

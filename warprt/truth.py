@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from .mesh import Mesh
-from .shapes import Box, Sphere
+from .shapes import Box, Capsule, Cone, Cylinder, Disk, Sphere
 
 if TYPE_CHECKING:
     from .hits import Hits
@@ -47,6 +47,9 @@ def _parameters(shape, matrices, o, d, near, face) -> np.ndarray:
         with np.errstate(divide="ignore", invalid="ignore"):
             walls = [(wall - o) / d for wall in (shape.lower.astype(Long), shape.upper.astype(Long))]
         return _nearest(np.concatenate(walls, axis=1), near)
+    if isinstance(shape, (Cylinder, Cone, Capsule, Disk)):
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return _nearest(_round_roots(shape, o - shape.center, d), near)
     normal = np.broadcast_to(shape.normal.astype(Long), o.shape)
     return _dot(normal, shape.point - o) / _dot(normal, d)
 
@@ -58,6 +61,34 @@ def _sphere_roots(o: np.ndarray, d: np.ndarray, radius: Long) -> np.ndarray:
     quarter = np.maximum(a * (radius * radius - _dot(to_ray, to_ray)), 0)
     q = b + np.copysign(np.sqrt(quarter), b)
     return np.stack([(_dot(o, o) - radius * radius) / q, q / a], axis=1)
+
+
+def _round_roots(shape, o: np.ndarray, d: np.ndarray) -> np.ndarray:
+    """(n, k) where a ray meets the surfaces that bound a cylinder, cone, capsule or disk."""
+    if isinstance(shape, Disk):
+        return (-o[:, 2] / d[:, 2])[:, None]
+    half = np.array([0, 0, Long(shape.height) / 2])
+    if isinstance(shape, Cone):
+        base = (-half[2] - o[:, 2]) / d[:, 2]
+        return np.concatenate([base[:, None], _cone_roots(o - half, d, shape)], axis=1)
+    side = _sphere_roots(o[:, :2], d[:, :2], Long(shape.radius))
+    if isinstance(shape, Cylinder):
+        ends = np.stack([(z - o[:, 2]) / d[:, 2] for z in (-half[2], half[2])], axis=1)
+    else:
+        ends = np.concatenate([_sphere_roots(o - z, d, Long(shape.radius)) for z in (-half, half)], axis=1)
+    return np.concatenate([side, ends], axis=1)
+
+
+def _cone_roots(o: np.ndarray, d: np.ndarray, shape: Cone) -> np.ndarray:
+    """(n, 2) roots of height^2 (x^2 + y^2) = radius^2 z^2; a ray that passes by is taken to touch."""
+    scale = np.array([shape.height, shape.height, shape.radius], dtype=Long)
+    o, d = o * scale, d * scale
+    sign = np.array([1, 1, -1])
+    a, b, c = _dot(sign * d, d), -_dot(sign * o, d), _dot(sign * o, o)
+    # b b - a c without what cancels in it: Lagrange's identity.
+    x, y, z = np.cross(o, d).T
+    q = b + np.copysign(np.sqrt(np.maximum(x * x + y * y - z * z, 0)), b)
+    return np.stack([c / q, q / a], axis=1)
 
 
 def _nearest(roots: np.ndarray, near: np.ndarray) -> np.ndarray:

@@ -1,0 +1,246 @@
+"""The class that stands in for trimesh's: the same methods, arguments, types, shapes and order of results."""
+
+import copy
+import pickle
+
+import numpy as np
+import pytest
+import trimesh
+
+import warprt.trimesh
+from warprt.trimesh import RayMeshIntersector
+
+
+@pytest.fixture
+def ball():
+    return trimesh.creation.icosphere(subdivisions=3)
+
+
+def through(mesh, rng, count=200):
+    """Rays from around a mesh to points within its bounds."""
+    lower, upper = mesh.bounds
+    target = rng.uniform(lower, upper, (count, 3))
+    origins = rng.normal(size=(count, 3))
+    origins *= 2 * mesh.scale / np.linalg.norm(origins, axis=1, keepdims=True)
+    return origins + mesh.centroid, target - origins - mesh.centroid
+
+
+def assert_on_faces(mesh, points, faces):
+    """Points lie in the planes of faces, to 16 roundings of float64, and within them."""
+    corner, normal = mesh.triangles[faces, 0], mesh.face_normals[faces]
+    off = np.abs(np.einsum("ij,ij->i", points - corner, normal))
+    assert (off <= 16 * 2**-53 * (np.abs(points).max() + mesh.scale)).all()
+    weights = trimesh.triangles.points_to_barycentric(mesh.triangles[faces], points)
+    assert (weights > -1e-6).all()
+
+
+def test_locations_of_all_hits(ball, accuracy, device, rng):
+    o, d = through(ball, rng)
+    points, ray, face = RayMeshIntersector(ball, accuracy=accuracy, device=device).intersects_location(o, d)
+    assert (points.dtype, ray.dtype, face.dtype) == (np.float64, np.int64, np.int64)
+    assert points.shape == (len(ray), 3)
+    assert_on_faces(ball, points, face)
+    # On the rays: the part of the way to a point that is not along its ray is rounding.
+    away = np.cross(points - o[ray], d[ray]) / np.linalg.norm(d[ray], axis=1, keepdims=True)
+    assert (np.abs(away) <= 64 * 2**-53 * np.abs(o).max()).all()
+    # Each ray to a point within a ball passes through it.
+    counts = np.bincount(ray, minlength=len(o))
+    inside = np.linalg.norm(o + d, axis=1) < 0.99
+    assert (counts[inside] == 2).all()
+    assert set(counts) == {0, 2}
+
+
+def test_results_come_hit_by_hit(ball, device, rng):
+    o, d = through(ball, rng)
+    face, ray, points = RayMeshIntersector(ball, device=device).intersects_id(o, d, return_locations=True)
+    distance = np.linalg.norm(points - o[ray], axis=1)
+    first = np.unique(ray).size
+    np.testing.assert_array_equal(ray[:first], np.unique(ray))
+    np.testing.assert_array_equal(ray[first:], np.unique(ray))
+    assert (distance[first:] > distance[:first]).all()
+    assert len(face) == 2 * first
+
+
+def test_first_any_and_id_agree(ball, accuracy, device, rng):
+    o, d = through(ball, rng)
+    rays = RayMeshIntersector(ball, accuracy=accuracy, device=device)
+    first, is_hit = rays.intersects_first(o, d), rays.intersects_any(o, d)
+    assert (first.dtype, is_hit.dtype) == (np.int32, np.bool_)
+    np.testing.assert_array_equal(first >= 0, is_hit)
+    face, ray = rays.intersects_id(o, d, multiple_hits=False)
+    np.testing.assert_array_equal(ray, np.flatnonzero(is_hit))
+    np.testing.assert_array_equal(face, first[is_hit])
+    some, _ray = rays.intersects_id(o, d, max_hits=1)
+    np.testing.assert_array_equal(some, face)
+
+
+def test_hits_are_those_of_trimesh_away_from_edges(device, rng):
+    mesh = trimesh.creation.torus(1.0, 0.4)
+    o, d = through(mesh, rng, 500)
+    points, ray, face = RayMeshIntersector(mesh, accuracy="double", device=device).intersects_location(o, d)
+    native = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False, use_embree=False)
+    try:
+        expected = native.ray.intersects_id(o, d, return_locations=True)
+    except (ImportError, ModuleNotFoundError):
+        # trimesh's own engine needs rtree; the same in NumPy.
+        expected = _native(mesh, o, d)
+    found = {(int(r), int(f)): p for r, f, p in zip(ray, face, points, strict=True)}
+    others = {(int(r), int(f)): p for f, r, p in zip(*expected, strict=True)}
+    assert set(found) == set(others)
+    assert len(found) > 500
+    for key, p in found.items():
+        np.testing.assert_allclose(p, others[key], atol=1e-9)
+
+
+def _native(mesh, o, d):
+    """(face, ray, point) of every crossing, ray by ray."""
+    hits = []
+    for k in range(len(o)):
+        p = mesh.triangles - o[k]
+        sides = [np.cross(p[:, j], p[:, (j + 1) % 3]) @ d[k] for j in range(3)]
+        is_hit = (np.min(sides, axis=0) > 0) | (np.max(sides, axis=0) < 0)
+        for f in np.flatnonzero(is_hit):
+            n = np.cross(p[f, 1] - p[f, 0], p[f, 2] - p[f, 0])
+            t = n @ p[f, 0] / (n @ d[k])
+            if t >= 0:
+                hits.append((f, k, o[k] + t * d[k]))
+    return zip(*hits, strict=True)
+
+
+def test_points_within(ball, accuracy, device, rng):
+    points = rng.uniform(-1.2, 1.2, (2000, 3))
+    radius = np.linalg.norm(points, axis=1)
+    inside = RayMeshIntersector(ball, accuracy=accuracy, device=device).contains_points(points)
+    # The faces of the ball lie between these two radii.
+    inner = np.abs(np.einsum("ij,ij->i", ball.triangles[:, 0], ball.face_normals)).min()
+    assert inside[radius < inner].all()
+    assert not inside[radius > 1].any()
+
+
+def test_rays_along_edges_and_through_vertices_of_a_box_cross_it_twice(accuracy, device):
+    box = trimesh.creation.box((2, 2, 2))
+    rays = RayMeshIntersector(box, accuracy=accuracy, device=device)
+    # Through the diagonals of two faces, and through two corners.
+    o = [(0, 0, 5), (5, 5, 5), (0.25, 0.25, 5)]
+    d = [(0, 0, -1), (-1, -1, -1), (0, 0, -3)]
+    _points, ray, _face = rays.intersects_location(o, d)
+    assert np.bincount(ray).tolist() == [2, 2, 2]
+
+
+def test_empty_results_have_their_shapes(ball, device):
+    rays = RayMeshIntersector(ball, device=device)
+    for o, d in [((0, 0, 5), (0, 0, 1)), ((np.nan, 0, 0), (0, 0, 1)), ((0, 0, 5), (0, 0, 0))]:
+        points, ray, face = rays.intersects_location([o], [d])
+        assert points.shape == (0, 3)
+        assert ray.shape == face.shape == (0,)
+        assert rays.intersects_first([o], [d]).tolist() == [-1]
+    for nothing in (np.zeros((0, 3)), []):
+        points, ray, face = rays.intersects_location(nothing, nothing)
+        assert points.shape == (0, 3)
+        assert rays.intersects_any(nothing, nothing).shape == (0,)
+        assert rays.intersects_first(nothing, nothing).shape == (0,)
+
+
+def test_mesh_without_faces_is_never_hit(device):
+    rays = RayMeshIntersector(trimesh.Trimesh(), device=device)
+    assert rays.intersects_first([(0, 0, 5)], [(0, 0, 1)]).tolist() == [-1]
+    assert not rays.intersects_any([(0, 0, 5)], [(0, 0, 1)]).any()
+    assert rays.intersects_location([(0, 0, 5)], [(0, 0, 1)])[0].shape == (0, 3)
+
+
+def test_integers_and_lists_will_do(ball, device):
+    rays = RayMeshIntersector(ball, device=device)
+    assert rays.intersects_any([[0, 0, 5]], [[0, 0, -1]]).tolist() == [True]
+    assert rays.intersects_id(ray_origins=[[0, 0, 5]], ray_directions=[[0, 0, -1]])[1].tolist() == [0, 0]
+
+
+def test_mistakes_are_named(ball):
+    rays = RayMeshIntersector(ball)
+    with pytest.raises(ValueError, match=r"don't match: \(2, 3\) and \(1, 3\)"):
+        rays.intersects_id(np.zeros((2, 3)), np.ones((1, 3)))
+    with pytest.raises(ValueError, match=r"must have shape \(n, 3\); got \(3,\)"):
+        rays.intersects_any((0, 0, 0), (0, 0, 1))
+    with pytest.raises(ValueError, match=r"must have shape \(n, 3\); got \(2, 2\)"):
+        rays.intersects_first(np.zeros((2, 2)), np.ones((2, 2)))
+    with pytest.raises(ValueError, match="accuracy must be one of fast, robust, mixed, double; got 'high'"):
+        RayMeshIntersector(ball, accuracy="high")
+    with pytest.raises(ValueError, match=r"needs a trimesh\.Trimesh; got Scene"):
+        RayMeshIntersector(trimesh.Scene())
+    with pytest.raises(ValueError, match="max_hits must be an integer of at least 1"):
+        rays.intersects_id([(0, 0, 5)], [(0, 0, 1)], max_hits=0)
+
+
+def test_a_mesh_that_changes_is_followed(ball, device):
+    rays = RayMeshIntersector(ball, device=device)
+    assert rays.intersects_location([(0, 0.01, 5)], [(0, 0, -1)])[0][0, 2] == pytest.approx(1, abs=0.01)
+    ball.apply_scale(2)
+    assert rays.intersects_location([(0, 0.01, 5)], [(0, 0, -1)])[0][0, 2] == pytest.approx(2, abs=0.02)
+    ball.vertices += (0, 10, 0)
+    assert not rays.intersects_any([(0, 0, 5)], [(0, 0, -1)]).any()
+    ball.update_faces(np.zeros(len(ball.faces), dtype=bool))
+    assert not rays.intersects_any([(0, 10, 5)], [(0, 0, -1)]).any()
+
+
+def test_a_mesh_that_does_not_change_is_built_once(ball, device):
+    rays = RayMeshIntersector(ball, device=device)
+    assert rays._tracer is rays._tracer
+
+
+@pytest.mark.parametrize("method", [copy.copy, copy.deepcopy, lambda x: pickle.loads(pickle.dumps(x))])
+def test_copies_answer_alike_and_leave_the_device_behind(method, ball, device, rng):
+    rays = RayMeshIntersector(ball, accuracy="double", device=device)
+    o, d = through(ball, rng)
+    expected = rays.intersects_first(o, d)
+    other = method(rays)
+    assert len(other._cache) == 0
+    assert repr(other) == repr(rays) == "RayMeshIntersector(1280 faces, double)"
+    np.testing.assert_array_equal(other.intersects_first(o, d), expected)
+
+
+def test_a_mesh_with_it_can_be_pickled_and_keeps_it(ball, rng):
+    ball.ray = RayMeshIntersector(ball)
+    o, d = through(ball, rng)
+    expected = ball.ray.intersects_any(o, d)
+    again = pickle.loads(pickle.dumps(ball))
+    assert isinstance(again.ray, RayMeshIntersector)
+    assert again.ray.mesh is again
+    np.testing.assert_array_equal(again.ray.intersects_any(o, d), expected)
+    ball.apply_translation((0, 0, 3))
+    assert isinstance(ball.ray, RayMeshIntersector)
+
+
+def test_nothing_is_patched_until_it_is_installed():
+    before = trimesh.ray.ray_triangle.RayMeshIntersector
+    assert not isinstance(trimesh.creation.box().ray, RayMeshIntersector)
+    installation = warprt.trimesh.install(accuracy="double")
+    try:
+        for use_embree in (True, False):
+            mesh = trimesh.Trimesh(**trimesh.creation.box().to_dict(), use_embree=use_embree)
+            assert repr(mesh.ray) == "RayMeshIntersector(12 faces, double)"
+            assert isinstance(mesh.copy().ray, RayMeshIntersector)
+        with warprt.trimesh.install(accuracy="robust"):
+            assert "robust" in repr(trimesh.creation.box().ray)
+        assert "double" in repr(trimesh.creation.box().ray)
+    finally:
+        warprt.trimesh.uninstall()
+    assert trimesh.ray.ray_triangle.RayMeshIntersector is before
+    assert not isinstance(trimesh.creation.box().ray, RayMeshIntersector)
+    warprt.trimesh.uninstall()
+    assert installation is not None
+
+
+def test_an_installation_that_fails_patches_nothing():
+    with pytest.raises(ValueError, match="accuracy must be one of"):
+        warprt.trimesh.install(accuracy="high")
+    with pytest.raises(ValueError, match="device 'cuda:99' is not available here"):
+        warprt.trimesh.install(device="cuda:99")
+    assert not isinstance(trimesh.creation.box().ray, RayMeshIntersector)
+
+
+def test_users_of_rays_within_trimesh(rng):
+    with warprt.trimesh.install():
+        ball = trimesh.creation.icosphere(subdivisions=3)
+        assert ball.contains([(0, 0, 0), (0, 0, 2)]).tolist() == [True, False]
+        # From the middle of a face inwards the ball is about as thick as it is wide.
+        thick = trimesh.proximity.longest_ray(ball, ball.triangles_center[:50], -ball.face_normals[:50])
+        assert thick == pytest.approx(np.full(50, 2.0), abs=0.05)

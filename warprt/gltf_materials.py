@@ -1,0 +1,130 @@
+"""Materials and textures of glTF files."""
+
+import io
+import warnings
+
+import numpy as np
+import PIL.Image
+
+from .gltf import Document
+from .json_record import Record
+from .materials import Material
+from .pbr import material_from_pbr
+from .texture import Texture, pil_pixels
+
+WRAPS = {10497: "repeat", 33071: "clamp", 33648: "mirror"}
+
+
+class Materials:
+    """The materials of a document, each read once, when it is first asked for."""
+
+    def __init__(self, document: Document):
+        self._document = document
+        self._materials: dict[tuple, Material] = {}
+        self._pixels: dict[int, np.ndarray] = {}
+        self._textures: dict[tuple, Texture] = {}
+
+    def read(self, index: int | None, has_uvs: bool, user: str) -> Material:
+        """Number `index`, or the material of surfaces that name none; without uvs, also without its texture."""
+        key = (index, has_uvs)
+        if key not in self._materials:
+            self._materials[key] = self._read(index, has_uvs, user)
+        return self._materials[key]
+
+    def texture_set(self, index: int | None, user: str) -> int:
+        """Which set of texture coordinates the base colour of a material is laid out by; 0 without a texture."""
+        if index is None:
+            return 0
+        pbr = self._document.find("materials", index, user).record("pbrMetallicRoughness", {})
+        return pbr.record("baseColorTexture", {}).integer("texCoord", 0)
+
+    def _read(self, index: int | None, has_uvs: bool, user: str) -> Material:
+        if index is None:
+            return material_from_pbr((1, 1, 1), 1, 1)
+        record = self._document.find("materials", index, user)
+        self._note(record)
+        pbr = record.record("pbrMetallicRoughness", {})
+        base = pbr.factors("baseColorFactor", 4, (1, 1, 1, 1))[:3]
+        metallic, roughness = (pbr.number(key, 1, 0, 1) for key in ("metallicFactor", "roughnessFactor"))
+        texture = None
+        if "baseColorTexture" in pbr:
+            if has_uvs:
+                texture = self._texture(pbr.record("baseColorTexture"))
+            else:
+                self._document.note(f"{user}: without texture coordinates, the texture of {record.name} is left out")
+        own = record.record("extras", {}) if isinstance(record.get("extras", {}), dict) else {}
+        if "warprt" in own:
+            own = own.record("warprt")
+            return Material(own.numbers("diffuse", 3), own.numbers("mirror", 3), texture)
+        return material_from_pbr(base, metallic, roughness, texture)
+
+    def _note(self, record: Record) -> None:
+        """Notes what our materials have no word for."""
+        document, pbr = self._document, record.record("pbrMetallicRoughness", {})
+        document.note_extensions(record)
+        document.note_extensions(pbr)
+        for part, key in (
+            (pbr, "metallicRoughnessTexture"),
+            (record, "normalTexture"),
+            (record, "occlusionTexture"),
+            (record, "emissiveTexture"),
+        ):
+            if key in part:
+                document.note(f"{record.name}: {key} is not understood and left out")
+        if record.numbers("emissiveFactor", 3, (0, 0, 0)).any():
+            document.note(f"{record.name}: emissiveFactor is not understood; the surface gives no light")
+        mode = record.text("alphaMode", "OPAQUE")
+        if mode != "OPAQUE":
+            document.note(f"{record.name}: alphaMode {mode} is not understood; the surface is opaque")
+
+    def _texture(self, use: Record) -> Texture:
+        document = self._document
+        document.note_extensions(use)
+        texture = document.find("textures", use.integer("index"), use.name)
+        document.note_extensions(texture)
+        webp = texture.record("extensions", {}).get("EXT_texture_webp", None)
+        source = Record(webp, f"{texture.name}: EXT_texture_webp") if webp is not None else texture
+        key = (source.integer("source"), self._wrap(texture))
+        if key not in self._textures:
+            self._textures[key] = Texture(self._picture(key[0], texture.name), True, key[1])
+        return self._textures[key]
+
+    def _wrap(self, texture: Record) -> str:
+        """What lies beyond the picture."""
+        number = texture.integer("sampler", None)
+        if number is None:
+            return "repeat"
+        sampler = self._document.find("samplers", number, texture.name)
+        wraps = [sampler.integer(key, 10497) for key in ("wrapS", "wrapT")]
+        for wrap in wraps:
+            if wrap not in WRAPS:
+                raise ValueError(f"{sampler.name}: wrapS and wrapT must be one of {', '.join(map(str, WRAPS))}")
+        if wraps[0] != wraps[1]:
+            self._document.note(f"{sampler.name}: wrapT differs from wrapS, which is taken for both")
+        return WRAPS[wraps[0]]
+
+    def _picture(self, index: int, user: str) -> np.ndarray:
+        """(H, W, 3 or 4), row 0 on top."""
+        if index not in self._pixels:
+            image = self._document.find("images", index, user)
+            if "uri" in image:
+                data = self._document.resource(image.text("uri"), image.name)
+            else:
+                data = bytes(self._document.view(image.integer("bufferView"), image.name)[0])
+            self._pixels[index] = decoded(data, image.name)
+        return self._pixels[index]
+
+
+def decoded(data: bytes, name: str) -> np.ndarray:
+    """The pixels of a PNG, JPEG or WebP file. Raises ValueError for one that is broken, or suspiciously large."""
+    try:
+        with warnings.catch_warnings():
+            # Pillow warns of decompression bombs; and of oddities of broken files, which are no use to anyone here.
+            warnings.simplefilter("ignore")
+            warnings.simplefilter("error", PIL.Image.DecompressionBombWarning)
+            with PIL.Image.open(io.BytesIO(data)) as image:
+                return pil_pixels(image, name)
+    except Exception as error:
+        # Readers of Pillow fail in many ways on broken files.
+        reason = " ".join(f"{type(error).__name__}: {error}".split())
+        raise ValueError(f"{name}: cannot read the picture: {reason}") from None

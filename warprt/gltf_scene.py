@@ -1,0 +1,165 @@
+"""Scenes from .glb and .gltf files.
+
+Nodes that show the same mesh, equal meshes, and the copies of EXT_mesh_gpu_instancing become one Instances. Instance
+ids follow the order in which meshes first appear in the tree of nodes, then that of the nodes; in files that
+`Scene.export` has written, that of the nodes alone. Materials become ours as in `warprt.pbr`. A light of
+KHR_lights_punctual gives its colour times its intensity, in candela or lux, as it is: a white surface that faces a
+light of intensity 1, at distance 1, is white. A scene without lights is shown by daylight.
+"""
+
+import math
+import warnings
+from pathlib import Path
+
+import numpy as np
+
+from .camera import Camera
+from .cameras import AnyCamera, OrthographicCamera
+from .gathering import Gathering
+from .gltf import Document
+from .gltf_meshes import Meshes
+from .gltf_nodes import copies, walk
+from .json_record import Record
+from .lights import AmbientLight, DirectionalLight, GradientSky, PointLight, daylight
+from .poses import view_of
+from .scene import Scene
+from .shape_records import shape_from_extras
+
+
+def read_gltf(path: str | Path) -> Scene:
+    """The scene in a .glb or .gltf file; what is not understood is warned about by name.
+
+    Raises ValueError that names the file and the object in it that is wrong.
+    """
+    try:
+        document = Document(path)
+        scene = _scene(document)
+    except (ValueError, MemoryError) as error:
+        raise ValueError(f"{path}: {error}") from None
+    for note in document.notes:
+        warnings.warn(f"{path}: {note}", stacklevel=3)
+    return scene
+
+
+def _scene(document: Document) -> Scene:
+    own = _own(document)
+    meshes, gathering = Meshes(document), Gathering(keeps_order=own is not None)
+    cameras, lights = [], []
+    for node, world_from_node in walk(document):
+        document.note_extensions(node)
+        if "skin" in node:
+            document.note(f"{node.name}: its skin is not understood; the mesh stays as it is")
+        if "mesh" in node:
+            _place(document, meshes, gathering, node, world_from_node)
+        elif (plane := shape_from_extras(node)) is not None:
+            material = node.record("extras").record("warprt").integer("material", None)
+            gathering.add(plane, meshes.material(material, node.name), world_from_node[None], [_title(node)])
+        if "camera" in node:
+            cameras.append((node, document.find("cameras", node.integer("camera"), node.name), world_from_node))
+        extension = node.record("extensions", {})
+        if "KHR_lights_punctual" in extension:
+            number = extension.record("KHR_lights_punctual").integer("light")
+            lights.append(_light(document, node, number, world_from_node))
+    for animation in range(len(document.root.values("animations"))):
+        document.note(f"{document.find('animations', animation, 'animations').name} is not played")
+    document.note_other_extensions()
+    camera = _first_camera(document, cameras)
+    background = (0.0, 0.0, 0.0)
+    if own is not None:
+        lights += [AmbientLight(light.numbers("color", 3)) for light in own.records("ambient")]
+        background = _background(own)
+    elif not lights:
+        lights, background = daylight()
+    return Scene(gathering.objects(), lights, camera, background, gathering.names())
+
+
+def _place(document: Document, meshes: Meshes, gathering: Gathering, node: Record, world_from_node: np.ndarray) -> None:
+    """Adds the placements of a node's mesh."""
+    node_from_copy = copies(document, node)
+    with np.errstate(all="ignore"):
+        placed = world_from_node[None] if node_from_copy is None else world_from_node @ node_from_copy
+    names = _names(node, len(placed))
+    for shape, material in meshes.read(node.integer("mesh"), node.name):
+        gathering.add(shape, material, placed, names)
+
+
+def _names(node: Record, count: int) -> list[str]:
+    """The names of a node's copies: its own, unless our own file says more."""
+    extras = node.get("extras", {})
+    own = extras.get("warprt") if isinstance(extras, dict) else None
+    names = own.get("names") if isinstance(own, dict) else None
+    if isinstance(names, list) and len(names) == count and all(isinstance(name, str) for name in names):
+        return names
+    return [_title(node)] * count
+
+
+def _title(node: Record) -> str:
+    """What the file calls a node."""
+    name = node.get("name", None)
+    return name if isinstance(name, str) and name else node.name
+
+
+def _light(document: Document, node: Record, number: int, world_from_node: np.ndarray) -> PointLight | DirectionalLight:
+    lights = document.root.record("extensions", {}).record("KHR_lights_punctual", {}).records("lights")
+    if number >= len(lights):
+        raise ValueError(f"{node.name} refers to lights[{number}]; there are {len(lights)}")
+    light = lights[number]
+    document.note_extensions(light)
+    color = light.numbers("color", 3, (1, 1, 1)) * light.number("intensity", 1.0)
+    kind = light.text("type")
+    if kind not in ("point", "spot", "directional"):
+        raise ValueError(f"{light.name}: type must be point, spot or directional; got {kind!r}")
+    if "range" in light:
+        document.note(f"{light.name}: range is not understood; the light reaches everywhere")
+    if kind == "spot":
+        document.note(f"{light.name}: a spot is not understood; it shines to all sides, as a point light")
+    try:
+        if kind == "directional":
+            return DirectionalLight(-world_from_node[:3, 2], color)
+        extras = light.get("extras", {})
+        own = Record(extras.get("warprt", {}) if isinstance(extras, dict) else {}, f"{light.name}: extras.warprt")
+        return PointLight(world_from_node[:3, 3], color, own.boolean("falloff", True))
+    except ValueError as error:
+        raise ValueError(f"{node.name}: {error}") from None
+
+
+def _first_camera(document: Document, cameras: list) -> AnyCamera | None:
+    """The first camera; the others are noted."""
+    found = None
+    for node, camera, world_from_camera in cameras:
+        document.note_extensions(camera)
+        if found is not None:
+            document.note(f"{camera.name} is left out; the scene is seen by the first camera")
+            continue
+        try:
+            found = _camera(camera, view_of(world_from_camera))
+        except ValueError as error:
+            raise ValueError(f"{node.name}: {error}") from None
+    return found
+
+
+def _camera(camera: Record, view: tuple) -> AnyCamera:
+    """Only what is vertical is kept, since the size of a picture sets its width."""
+    kind = camera.text("type")
+    if kind == "perspective":
+        return Camera(*view, math.degrees(camera.record("perspective").number("yfov")))
+    if kind == "orthographic":
+        return OrthographicCamera(*view, 2 * camera.record("orthographic").number("ymag"))
+    raise ValueError(f"{camera.name}: type must be perspective or orthographic; got {kind!r}")
+
+
+def _own(document: Document) -> Record | None:
+    """What our own files keep in the extras of the scene."""
+    scenes = document.root.values("scenes")
+    if not scenes:
+        return None
+    scene = document.find("scenes", document.root.integer("scene", 0), "scene")
+    extras = scene.get("extras", {})
+    own = extras.get("warprt") if isinstance(extras, dict) else None
+    return Record(own, f"{scene.name}: extras.warprt") if isinstance(own, dict) else None
+
+
+def _background(own: Record) -> GradientSky | np.ndarray:
+    if "zenith" in own:
+        return GradientSky(own.numbers("horizon", 3), own.numbers("zenith", 3))
+    return own.numbers("background", 3, (0, 0, 0))

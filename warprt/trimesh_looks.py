@@ -1,0 +1,105 @@
+"""How trimesh geometries look: their visuals as our materials and colours."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .materials import Material
+from .pbr import material_from_pbr
+from .texture import Texture, linear, pil_pixels
+from .visuals import coated
+
+UNSAID = (102, 102, 102)
+"""The diffuse colour that trimesh gives to materials for want of one: over a picture it would only darken it."""
+
+
+@dataclass
+class Look:
+    """What lies on a geometry."""
+
+    material: Material
+    has_uvs: bool = False
+    colors: np.ndarray | None = None
+    """(V, 3) linear RGB, where it is not the same everywhere."""
+    is_uniform: bool = False
+    """Whether there were colours of vertices or faces, all the same: they are in the material."""
+
+
+def look_of(geometry, name: str, notes: dict[str, None]) -> Look:
+    """Colours of vertices and faces are sRGB; those of materials are linear, as glTF has them."""
+    visual = getattr(geometry, "visual", None)
+    kind = getattr(visual, "kind", None)
+    if kind == "texture":
+        return _textured(geometry, name, notes)
+    if kind in ("vertex", "face"):
+        given = np.asarray(visual.vertex_colors if kind == "vertex" else visual.face_colors)
+        if (given[:, 3] < 255).any():
+            notes[f"the geometry {name!r} is transparent, which is not understood; it is opaque"] = None
+        given = given[:, :3]
+        if len(given) and (given == given[0]).all():
+            return Look(Material(linear(given[0] / 255)), is_uniform=True)
+        return Look(Material(1.0), colors=coated(geometry).colors)
+    return Look(Material())
+
+
+def _textured(geometry, name: str, notes: dict[str, None]) -> Look:
+    visual = geometry.visual
+    material = visual.material
+    if type(material).__name__ == "MultiMaterial":
+        notes[f"the geometry {name!r} has several materials; it gets the first"] = None
+        material = next(iter(material.materials), None)
+    base, metallic, roughness, image = _surface(material, name, notes)
+    texture, uvs = None, coated(geometry).uvs
+    if image is not None:
+        if uvs is None:
+            notes[f"the geometry {name!r} has no texture coordinates, so its texture is left out"] = None
+        else:
+            texture = Texture(pil_pixels(image, "its texture"), is_srgb=True)
+    colors = visual.vertex_attributes.get("color")
+    if colors is not None:
+        colors = np.asarray(colors)
+        if colors.ndim != 2 or len(colors) != len(geometry.vertices) or colors.shape[1] not in (3, 4):
+            raise ValueError(f"its colours must have shape (V, 3) or (V, 4); got {colors.shape}")
+        colors = colors[:, :3] / (np.iinfo(colors.dtype).max if colors.dtype.kind in "iu" else 1.0)
+    return Look(material_from_pbr(base, metallic, roughness, texture), texture is not None, colors)
+
+
+def _surface(material, name: str, notes: dict[str, None]):
+    """(base colour, metallic, roughness, image or None) of a material of trimesh."""
+    if material is None:
+        return Material().diffuse, 0.0, 1.0, None
+    if type(material).__name__ == "PBRMaterial":
+        _note_pbr(material, name, notes)
+        color, factors = material.baseColorFactor, (material.metallicFactor, material.roughnessFactor)
+        base = (1.0, 1.0, 1.0) if color is None else np.asarray(color[:3]) / 255
+        metallic, roughness = (1.0 if factor is None else float(factor) for factor in factors)
+        for what, factor in (("metallicFactor", metallic), ("roughnessFactor", roughness)):
+            if not 0 <= factor <= 1:
+                raise ValueError(f"its {what} must lie between 0 and 1; got {factor}")
+        return base, metallic, roughness, material.baseColorTexture
+    image, given = getattr(material, "image", None), getattr(material, "kwargs", {}).get("kd")
+    if image is not None and _is_placeholder(image):
+        image = None
+    if given is not None:
+        base = np.broadcast_to(np.asarray(given, np.float64), 3)
+    elif tuple(material.diffuse[:3]) == UNSAID:
+        base = Material().diffuse if image is None else np.ones(3)
+    else:
+        base = np.asarray(material.diffuse[:3]) / 255
+    return base, 0.0, 1.0, image
+
+
+def _note_pbr(material, name: str, notes: dict[str, None]) -> None:
+    """Notes what our materials have no word for."""
+    for key in ("metallicRoughnessTexture", "normalTexture", "occlusionTexture", "emissiveTexture"):
+        if getattr(material, key) is not None:
+            notes[f"the {key} of the geometry {name!r} is not understood and left out"] = None
+    if material.emissiveFactor is not None and np.any(material.emissiveFactor):
+        notes[f"the emissiveFactor of the geometry {name!r} is not understood; the surface gives no light"] = None
+    if material.alphaMode not in (None, "OPAQUE"):
+        notes[f"the alphaMode {material.alphaMode} of the geometry {name!r} is not understood; it is opaque"] = None
+
+
+def _is_placeholder(image) -> bool:
+    """Whether trimesh put this picture where there is none: four pixels of one grey."""
+    return image.size == (2, 2) and bool((np.asarray(image.convert("RGB")) == 100).all())
