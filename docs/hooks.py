@@ -14,6 +14,7 @@ ROOT = Path(__file__).resolve().parents[1]
 LINK = re.compile(r"(?<=\]\()(\.\./[^)\s#]*)(?=[)#])")
 PICTURES = {".png", ".jpg"}
 SHOWN = {".py": "python", ".cfg": "text", ".toml": "toml", ".md": "markdown", ".ipynb": "json", "": "text"}
+OPEN, HALF, CLOSE = '<div class="grid" markdown>', "<div markdown>", "</div>"
 LIBRARY = re.compile(r"^\*\*([^*\n]+)\*\*\n\n(```python\n.*?\n```)\n+", re.MULTILINE | re.DOTALL)
 
 
@@ -74,11 +75,12 @@ def _side_by_side(markdown):
     def columns(run):
         blocks = dict(LIBRARY.findall(run.group()))
         ours = blocks.pop("warprt")
-        tabs = "".join(f'=== "{name}"\n\n{_indented(block)}\n\n' for name, block in blocks.items())
-        return f'<div class="grid" markdown>\n\n{tabs}\n=== "warprt"\n\n{_indented(ours)}\n\n</div>\n\n'
+        tabs = "".join(_tab(*block) for block in blocks.items())
+        return "".join(f"{line}\n\n" for line in (OPEN, HALF, tabs, CLOSE, HALF, _tab("warprt", ours), CLOSE, CLOSE))
 
     return re.sub(f"(?:{LIBRARY.pattern}){{2,}}", columns, markdown + "\n", flags=LIBRARY.flags)
 
 
-def _indented(block):
-    return "\n".join("    " + line for line in block.split("\n"))
+def _tab(name, block):
+    """A tab that shows a block of code."""
+    return f'=== "{name}"\n\n' + "\n".join("    " + line for line in block.split("\n")) + "\n\n"
