@@ -27,8 +27,8 @@ def shapes():
         (rt.Disk(), rt.Transform().rotate(-20, (1, 0, 0)).translate(0, 1, 0)),
         (rt.Mesh.from_trimesh(knot), rt.Transform().rotate(-15, (0, 1, 0)).translate(0, 0.98, 0)),
     ]
-    colors = [(0.7, 0.1, 0.1), (0.8, 0.35, 0.08), (0.8, 0.6, 0.15), (0.25, 0.5, 0.15), (0.05, 0.4, 0.4), (0.1, 0.2, 0.6)]
-    colors.append((0.45, 0.15, 0.5))
+    colors = [(0.7, 0.1, 0.1), (0.8, 0.35, 0.08), (0.8, 0.6, 0.15), (0.25, 0.5, 0.15), (0.05, 0.4, 0.4)]
+    colors += [(0.1, 0.2, 0.6), (0.45, 0.15, 0.5)]
     objects = [
         rt.Instance(shape, place.translate(2.6 * (k - 3), 0, 0), rt.Material(color, mirror=0.06))
         for k, ((shape, place), color) in enumerate(zip(row, colors, strict=True))

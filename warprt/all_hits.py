@@ -56,7 +56,7 @@ class AllHits:
     primitive_id: Array
     """(m,) int32, the face of a mesh; 0 on other shapes."""
     t_error: Array
-    """(m,) bound on |t - t*|, as in `Hits`."""
+    """(m,) bound on `|t - t*|`, as in `Hits`."""
 
     def __init__(self, shape: tuple[int, ...], offsets: Array, fields: dict[str, Array]):
         self.shape = shape

@@ -59,7 +59,7 @@ class Camera(Pinhole, View):
 
     @classmethod
     def framing(cls, lower: ArrayLike, upper: ArrayLike, view: ArrayLike = FRAMING_VIEW, fov_deg: float = 40.0):
-        """A camera that looks along `view` and sees all of the box between two corners, with a margin."""
+        """A camera that looks along `view` and sees all of the box between two corners (3,), with a margin."""
         frame = cls(-checks.direction(view, "view"), fov_deg=fov_deg).frame()
         center, off_axis, ahead = box_in_frame(lower, upper, frame)
         distance = 1.1 * (off_axis / math.tan(math.radians(fov_deg) / 2) - ahead).max() or 1.0

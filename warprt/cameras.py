@@ -57,7 +57,7 @@ class OrthographicCamera(View):
 
     @classmethod
     def framing(cls, lower: ArrayLike, upper: ArrayLike, view: ArrayLike = FRAMING_VIEW):
-        """A camera that looks along `view` and sees all of the box between two corners, with a margin."""
+        """A camera that looks along `view` and sees all of the box between two corners (3,), with a margin."""
         frame = cls(-checks.direction(view, "view")).frame()
         center, off_axis, ahead = box_in_frame(lower, upper, frame)
         # From far off, which parallel rays do not show, so that the ground around the box is before the camera as well.

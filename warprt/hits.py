@@ -63,7 +63,7 @@ class Hits:
     primitive_id: Array
     """(...) int32, the face of a mesh; 0 on other shapes."""
     t_error: Array
-    """(...) bound on |t - t*|, t* being where the ray as given meets the surface as given; see docs/numerics.md.
+    """(...) bound on `|t - t*|`, `t*` being where the ray as given meets the surface as given; see docs/numerics.md.
 
     Infinite where there is none (a sliver, a ray in the plane of what it meets); NaN in `fast`.
     """
@@ -88,6 +88,8 @@ class Hits:
         directions: (..., 3), broadcast against the hits. Origins are float64, (..., 3), and lie off the surface by
         a bound on all roundings, so that a convex shape never meets its own rays; those of misses are NaN. The hits
         are found again, so call it before anything in the scene moves, or Warp arrays of rays change.
+
+        Raises ValueError for directions of other shapes or types.
         """
         return self._tracer._spawn(self._rays, directions)
 

@@ -8,7 +8,7 @@ from .typing import ArrayLike
 
 @dataclass(frozen=True, eq=False)
 class AmbientLight:
-    """The same light from everywhere; nothing shadows it."""
+    """The same light from everywhere; nothing shadows it. Raises ValueError for a negative or non-finite colour."""
 
     color: ArrayLike = (0.1, 0.1, 0.1)
     """Linear RGB: a white Lambert surface lit by this alone has this colour."""
@@ -19,7 +19,10 @@ class AmbientLight:
 
 @dataclass(frozen=True, eq=False)
 class PointLight:
-    """Light from one point, with hard shadows."""
+    """Light from one point, in scene units, with hard shadows.
+
+    Raises ValueError for a position that is not finite, and a negative or non-finite colour.
+    """
 
     position: ArrayLike
     color: ArrayLike = (1.0, 1.0, 1.0)
@@ -36,7 +39,10 @@ class PointLight:
 
 @dataclass(frozen=True, eq=False)
 class DirectionalLight:
-    """Parallel light, as from the sun, with hard shadows."""
+    """Parallel light, as from the sun, with hard shadows.
+
+    Raises ValueError for a zero or non-finite direction, and a negative or non-finite colour.
+    """
 
     direction: ArrayLike
     """Where the light goes; need not be unit."""
@@ -50,10 +56,15 @@ class DirectionalLight:
 
 @dataclass(frozen=True)
 class GradientSky:
-    """A background that goes from one colour at the horizon to another overhead (+y)."""
+    """A background that goes from one colour at the horizon to another overhead (+y).
+
+    Raises ValueError for a negative or non-finite colour.
+    """
 
     horizon: ArrayLike = (1.0, 1.0, 1.0)
+    """Linear RGB, of rays that are level or go down."""
     zenith: ArrayLike = (0.25, 0.45, 0.85)
+    """Linear RGB, of rays straight up."""
 
     def __post_init__(self):
         object.__setattr__(self, "horizon", checks.color(self.horizon, "GradientSky horizon"))

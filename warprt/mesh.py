@@ -105,7 +105,7 @@ class Mesh:
         return Mesh(vertices, self.faces, self.normals, self.uvs, self.grid, self.colors)
 
     def with_grid(self, grid: str | tuple[int, int, int] | None) -> "Mesh":
-        """A copy, which shares vertices and faces, with another grid."""
+        """A copy, which shares vertices and faces, with another grid. Raises ValueError for a grid that is none."""
         copy = object.__new__(Mesh)
         copy.__dict__.update(self.__dict__, grid=_grid_choice(grid), _device_copies={})
         return copy

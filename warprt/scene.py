@@ -23,12 +23,16 @@ LIGHTS = (AmbientLight, PointLight, DirectionalLight)
 
 @dataclass(frozen=True, eq=False)
 class Instance:
-    """A shape placed in the world. Many instances share one shape, so a placement costs one matrix."""
+    """A shape placed in the world. Many instances share one shape, so a placement costs one matrix.
+
+    Raises ValueError for a matrix that is not affine, finite and regular, and for a texture without uvs.
+    """
 
     shape: Shape
     transform: Placement = None
     """Any rotation, scale, shear or mirror, but not singular; None leaves the shape where it is."""
     material: Material | None = None
+    """None: `Material()`, a light grey."""
 
     def __post_init__(self):
         _require(self.shape, SHAPES, "Instance shape")
@@ -88,11 +92,15 @@ class Instances:
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """All there is to see. Instance ids count placements in the order of `objects`; an empty scene is legal."""
+    """All there is to see. Instance ids count placements in the order of `objects`; an empty scene is legal.
+
+    Raises ValueError for objects, lights, cameras or backgrounds that are none, and for names of another number.
+    """
 
     objects: Iterable[Instance | Instances | Shape] = ()
     """A bare shape stands for one instance of it, where it is, in the default material."""
     lights: Iterable[AmbientLight | PointLight | DirectionalLight] = ()
+    """For pictures; ray queries do not know them."""
     camera: AnyCamera | None = None
     """None: a camera that sees all bounded shapes is chosen when one is needed."""
     background: ArrayLike | GradientSky = (0.0, 0.0, 0.0)

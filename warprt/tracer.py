@@ -175,7 +175,10 @@ class Tracer:
         return hit_counts(self._rays(origins, directions, t_min, t_max), self._gathering((), MOST_HITS))
 
     def walk(self, origin: ArrayLike, direction: ArrayLike) -> CellWalk:
-        """The cells of mesh grids that one ray pierces up to its hit, instance by instance, in order."""
+        """The cells of mesh grids that one ray, given by two (3,) vectors, pierces up to its hit, in order.
+
+        Raises ValueError for other shapes, and numbers that are not finite.
+        """
         self._device_scene.refresh()
         return walk_cells(self, checks.vector(origin, "origin"), checks.vector(direction, "direction"))
 

@@ -51,6 +51,9 @@ class Transform:
 
     The inverse is composed from the inverses of the steps, on the right: M^-1 = S^-1 R^-1 T^-1 (geometry
     instancing handout, section 4).
+
+    Raises ValueError for matrices that are not (4, 4), finite, affine and regular: a matrix counts as singular above a
+    condition number of 2^50, once rows and columns are of like size.
     """
 
     world_from_local: np.ndarray
@@ -105,7 +108,7 @@ class Transform:
         return self._then(step, inverse)
 
     def scale(self, *factors: float | ArrayLike) -> "Transform":
-        """Then scales by (sx, sy, sz), given as one factor, three, or one 3-vector. A zero factor is an error."""
+        """Then scales by (sx, sy, sz), given as one factor, three, or one 3-vector. ValueError for a factor of zero."""
         if len(factors) == 1 and np.ndim(factors[0]) == 0:
             factors = factors * 3
         factor = _three(factors, "scale")
@@ -115,7 +118,10 @@ class Transform:
         return self._then(np.diag([*factor, 1.0]), np.diag([*(1 / factor), 1.0]))
 
     def rotate(self, angle_deg: float, *axis: float | ArrayLike) -> "Transform":
-        """Then turns by an angle in degrees about an axis through the origin, which need not be unit (Rodrigues)."""
+        """Then turns by an angle in degrees about an axis through the origin, which need not be unit (Rodrigues).
+
+        Raises ValueError for a zero or non-finite axis.
+        """
         x, y, z = checks.direction(_three(axis, "rotation axis"), "rotation axis")
         angle = math.radians(math.remainder(checks.number(angle_deg, "angle_deg"), 360))
         cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
@@ -124,7 +130,7 @@ class Transform:
         return self._then(step, step.T.copy())
 
     def transform(self, matrix: ArrayLike) -> "Transform":
-        """Then applies an affine (4, 4) matrix, row-major as NumPy arrays are. A singular one is an error."""
+        """Then applies an affine (4, 4) matrix, row-major as NumPy arrays are. ValueError as for the class."""
         step = Transform(checks.real_array(matrix, "transform"))
         return self._then(step.world_from_local, step.local_from_world)
 
