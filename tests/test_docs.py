@@ -5,6 +5,7 @@ import re
 from pathlib import Path
 
 import pytest
+import warp as wp
 
 import warprt
 
@@ -41,6 +42,9 @@ def test_snippets_run(page, library, tmp_path, monkeypatch):
     if importlib.util.find_spec(IMPORTED_AS.get(library, "warprt")) is None:
         pytest.skip(f"{library} is not installed")
     monkeypatch.chdir(tmp_path)
+    if library == "wp.Mesh":
+        # Its kernels are compiled here alone, and run for a moment.
+        monkeypatch.setattr(wp.config, "optimization_level", 0)
     names = {"__name__": f"snippets_of_{page.stem}"}
     for whose, line, code in blocks(page):
         if whose in (None, library):
