@@ -9,7 +9,7 @@ from warprt.files import require_writable
 from warprt.launch import default_threads
 from warprt.mesh import Mesh
 
-from . import instances, leaks, machine, meshes, rates, report, resolution, scaling, specialisation
+from . import all_hits, instances, leaks, machine, meshes, rates, report, resolution, scaling, specialisation
 
 SIZES = (10_000, 100_000, 1_000_000)
 QUICK_SIZES = (10_000, 100_000)
@@ -96,8 +96,17 @@ def _leaks(options, size: int, rounds: int, threads: int):
     return leaks.measure(leaks.asked_for(options.accuracy, rays), threads), leaks.table, None
 
 
+def _all_hits(options, size: int, rounds: int, threads: int):
+    makers = chosen(options.mesh, options.subdivide, options.field, options.quick)
+    bar = tqdm(makers, disable=None, leave=False, desc="bench")
+    count = int(options.rays or (20_000 if options.quick else 1_000_000))
+    results = {name: all_hits.measure(makers[name](), count, rounds, threads) for name in bar}
+    return results, all_hits.table, None
+
+
 TOPICS = {
     "rates": _rates,
+    "all-hits": _all_hits,
     "resolution": _resolution,
     "scaling": _scaling,
     "instances": _instances,

@@ -183,15 +183,15 @@ class Embreex(Engine):
 def peer_makers(threads: int) -> dict:
     """Constructors of the peers that are installed, by name; each takes (mesh, threads)."""
     makers = {"wp.Mesh": WarpMesh}
-    if _is_usable("open3d"):
+    if is_usable("open3d"):
         makers["Embree (Open3D)"] = Open3D
-    if threads == 1 and _is_usable("embreex"):
+    if threads == 1 and is_usable("embreex"):
         makers["Embree (embreex)"] = Embreex
     return makers
 
 
 @cache
-def _is_usable(name: str) -> bool:
+def is_usable(name: str) -> bool:
     """Whether a peer is installed and can be imported; if only the former, a line says why."""
     if importlib.util.find_spec(name) is None:
         return False

@@ -157,6 +157,21 @@ def directions(name: str) -> str:
     return rows(head, body)
 
 
+def all_hits(name: str) -> str:
+    """All hits of many rays through trimesh's interface, against embreex."""
+    body = []
+    for mesh, entry in results(name).items():
+        for k, (engine, seconds) in enumerate(entry["seconds"].items()):
+            differences = entry["differences"].get(engine, {})
+            told = [
+                "; ".join(f"{side}: {c['hit']} / {c['edge']} / {c['miss']}" for side, c in differences.items()) or ""
+            ]
+            times = f"{entry['ratio'].get(engine, 1):.2f}"
+            body.append([mesh if k == 0 else "", engine, f"{seconds:.2f}", times, f"{entry['hits'][engine]:,}", *told])
+    head = ["mesh", "engine", "seconds", "times as fast", "hits", "not the other's: inside / at an edge / outside"]
+    return rows(head, body)
+
+
 def _all(names: Iterable[str]) -> dict:
     merged: dict = {}
     for name in names:
@@ -164,10 +179,8 @@ def _all(names: Iterable[str]) -> dict:
     return merged
 
 
-KINDS = {
-    function.__name__: function
-    for function in (rates, brief, tiers, builds, gains, resolution, instances, leaks, errors, jumps, directions)
-}
+MAKERS = (rates, brief, tiers, builds, gains, resolution, instances, leaks, errors, jumps, directions, all_hits)
+KINDS = {function.__name__: function for function in MAKERS}
 
 
 def filled(text: str) -> str:

@@ -6,7 +6,7 @@ from .capped import LOWER, SIDE, UPPER
 from .cylinder import onto_tube, roots_tube
 from .generic import Real, Vec3
 from .quadratic import roots_quadratic
-from .rounding import larger, smaller
+from .rounding import larger, smaller, unit_roundoff
 
 
 @wp.func
@@ -30,11 +30,13 @@ def roots_end(o: Vec3, d: Vec3, r: Real, half: Real, part: int):
     quarter_discriminant = a * (r * r - wp.dot(to_ray, to_ray))
     length = wp.sqrt(wp.dot(p, p))
     c = (length - r) * (length + r)
+    # The length has two roundings, and the height one before them.
+    is_within = c <= type(r)(6.0) * unit_roundoff(r) * r * r
     near, far = roots_quadratic(a, b, c, quarter_discriminant)
-    if c <= zero:
+    if is_within:
         # The origin is within, whatever rounding makes of a ray along the surface.
         near, far = smaller(near, zero), larger(far, zero)
-    return quarter_discriminant >= zero or c <= zero, near, far
+    return quarter_discriminant >= zero or is_within, near, far
 
 
 @wp.func

@@ -29,14 +29,16 @@ def roots_nappe(o: Vec3, d: Vec3):
     """
     zero, endless = type(o[0])(0.0), type(o[0])(wp.inf)
     a, b, c = slanted_square(d), -slanted(o, d), slanted_square(o)
+    # The distance from the axis has three roundings, the depth below the apex two.
+    is_within = c <= type(c)(10.0) * unit_roundoff(c) * o[2] * o[2]
     if a == zero and b == zero:
         # Parallel to a line of the side, and in the plane that touches the cone there.
-        return c <= zero, -endless, endless, c <= zero
+        return is_within, -endless, endless, is_within
     quarter_discriminant = b * b - a * c
     if type(b)(2.0) * a * c > b * b:
         # The difference cancels: it comes from the point of the ray halfway between the roots.
         quarter_discriminant = -a * slanted_square(o + (b / a) * d)
-    if quarter_discriminant < zero and a > zero and c > zero:
+    if quarter_discriminant < zero and a > zero and not is_within:
         return False, zero, zero, False
     near, far = roots_quadratic(a, b, c, quarter_discriminant)
     if a < zero:
@@ -44,7 +46,7 @@ def roots_nappe(o: Vec3, d: Vec3):
             near, far = far, endless
         else:
             near, far = -endless, near
-    if c <= zero and o[2] >= zero:
+    if is_within and o[2] >= zero:
         # The origin is within, whatever rounding makes of a ray along the surface.
         near, far = smaller(near, zero), larger(far, zero)
     return True, near, far, False

@@ -5,7 +5,7 @@ import warp as wp
 from .capped import LOWER, SIDE, capped
 from .generic import Real, Vec3
 from .quadratic import roots_quadratic
-from .rounding import larger, power_of_two_below, smaller
+from .rounding import larger, power_of_two_below, smaller, unit_roundoff
 
 
 @wp.func
@@ -18,19 +18,21 @@ def roots_tube(o: Vec3, d: Vec3, r: Real):
     zero = type(r)(0.0)
     from_axis = wp.sqrt(o[0] * o[0] + o[1] * o[1])
     c = (from_axis - r) * (from_axis + r)
+    # The distance from the axis has two roundings.
+    is_within = c <= type(r)(4.0) * unit_roundoff(r) * r * r
     size = larger(wp.abs(d[0]), wp.abs(d[1]))
     if size == zero:
-        return c <= zero, -type(r)(wp.inf), type(r)(wp.inf), c == zero
+        return is_within, -type(r)(wp.inf), type(r)(wp.inf), c == zero
     scale = power_of_two_below(size)
     x, y = scale * d[0], scale * d[1]
     a = x * x + y * y
     b = -(o[0] * x + o[1] * y)
     to_x, to_y = o[0] + (b / a) * x, o[1] + (b / a) * y
     quarter_discriminant = a * (r * r - (to_x * to_x + to_y * to_y))
-    if not quarter_discriminant >= zero and c > zero:
+    if not (quarter_discriminant >= zero or is_within):
         return False, zero, zero, False
     near, far = roots_quadratic(a, b, c, quarter_discriminant)
-    if c <= zero:
+    if is_within:
         # The origin is within, and so between the roots, whatever rounding makes of a ray along the surface.
         near, far = smaller(near, zero), larger(far, zero)
     return True, scale * near, scale * far, False

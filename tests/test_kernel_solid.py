@@ -312,6 +312,28 @@ def test_no_ray_to_a_rim_apex_or_joint_gets_out(kind, real, device, rng):
 
 
 @pytest.mark.parametrize("kind", SOLIDS)
+def test_no_ray_along_the_wall_gets_out(kind, real, device, rng):
+    """From points of the side that rounding has put within or on it, in directions that touch it there."""
+    count = 100_000
+    turn, z = rng.uniform(0, 2 * np.pi, count), rounded(rng.uniform(-0.9, 0.9, count), real)
+    r = rounded(rng.uniform(0.5, 1, count), real)
+    out, across = (
+        np.stack([x, y, 0 * z], axis=1) for x, y in ((np.cos(turn), np.sin(turn)), (-np.sin(turn), np.cos(turn)))
+    )
+    up = np.array((0, 0, 1.0)) - (r[:, None] / 2 * out if kind == "cone" else 0)
+    radius = r.astype(np.longdouble) * ((1 - z.astype(np.longdouble)) / 2 if kind == "cone" else 1)
+    o = rounded(radius.astype(float)[:, None] * out + z[:, None] * (0, 0, 1), real)
+    d = rounded(rng.uniform(-1, 1, (count, 1)) * across + rng.choice([0, 1e-9, 1e-3, 1], (count, 1)) * up, real)
+    # Exact, but for the last bits of long double.
+    is_within = (o[:, :2].astype(np.longdouble) ** 2).sum(axis=1) <= radius**2 * (1 - 2.0**-60)
+    assert 0.4 < is_within.mean() < 0.6
+    is_hit, near, far, *_ = cast(kind, *(v[is_within] for v in (o, d, r)), 1, real, device)
+    assert is_hit.all()
+    assert (near <= 0).all()
+    assert (far >= 0).all()
+
+
+@pytest.mark.parametrize("kind", SOLIDS)
 def test_point_is_on_the_surface_and_its_normal_the_gradient(kind, real, device, rng):
     count, u = 2000, roundoff(real)
     r, half = 0.75, 0.6

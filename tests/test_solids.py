@@ -157,6 +157,7 @@ def test_grid_equals_no_grid(accuracy, device, rng):
     assert set(one.instance_id[one.hit] // 100) == {0, 1, 2, 3}
 
 
+@pytest.mark.parametrize("accuracy", ["robust", "double"])
 @pytest.mark.parametrize("kind", SOLIDS)
 def test_all_hits_are_the_way_in_and_the_way_out(kind, accuracy, device, rng):
     shape = UNIT[kind]

@@ -86,7 +86,7 @@ def _parser() -> _Parser:
     render.add_argument("--no-clobber", action="store_true", help="refuse to replace a file")
     render.set_defaults(run=_render)
     bench = commands.add_parser("bench", help="measure against wp.Mesh and Embree")
-    topics = ["rates", "resolution", "scaling", "instances", "specialisation", "leaks"]
+    topics = ["rates", "resolution", "scaling", "instances", "specialisation", "leaks", "all-hits"]
     bench.add_argument("topic", nargs="?", default="rates", choices=topics)
     bench.add_argument("--quick", action="store_true", help="fewer and smaller meshes: under a minute")
     bench.add_argument(
@@ -95,7 +95,7 @@ def _parser() -> _Parser:
     bench.add_argument("--subdivide", type=int, default=0, metavar="N", help="also the first file, faces cut into 4^N")
     bench.add_argument("--field", metavar="FILE", help="also this mesh, small in the middle of a wide field")
     bench.add_argument("--size", type=int, metavar="N", help="at most N x N rays of a kind; default 512")
-    bench.add_argument("--rays", type=float, metavar="N", help="for leaks: rays of each aim; default 1e6")
+    bench.add_argument("--rays", type=float, metavar="N", help="for leaks (of each aim) and all-hits; default 1e6")
     bench.add_argument(
         "--accuracy", default="robust", metavar="T,...", help="for leaks: tiers, or tier:rays; default robust"
     )
