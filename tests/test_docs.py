@@ -59,6 +59,7 @@ def test_links_lead_somewhere(page):
 
 
 def test_public_names_are_in_the_reference():
-    documented = set(re.findall(r"^::: warprt\.([\w.]+)$", "\n".join(p.read_text() for p in PAGES), re.MULTILINE))
+    text = "\n".join(page.read_text(encoding="utf-8") for page in PAGES)
+    documented = set(re.findall(r"^::: warprt\.(?:\w+\.)*(\w+)$", text, re.MULTILINE))
     public = {name for name, value in vars(warprt).items() if getattr(value, "__module__", "").startswith("warprt.")}
     assert public <= documented

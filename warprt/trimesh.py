@@ -1,8 +1,8 @@
 """Ray queries of trimesh answered by warprt: a class that stands in for `trimesh.ray.ray_pyembree.RayMeshIntersector`.
 
-mesh.ray = warprt.trimesh.RayMeshIntersector(mesh)    # for one mesh
-warprt.trimesh.install()                              # for every mesh made from now on, until uninstall()
-with warprt.trimesh.install(accuracy="double"): ...   # for every mesh made within
+- `mesh.ray = warprt.trimesh.RayMeshIntersector(mesh)`: for one mesh.
+- `warprt.trimesh.install()`: for every mesh made from now on, until `uninstall()`.
+- `with warprt.trimesh.install(accuracy="double"): ...`: for every mesh made within.
 """
 
 import functools
