@@ -7,6 +7,7 @@ if not (Path(__file__).parent / "kernels").is_dir():
     __path__.append(str(Path(__file__).parents[1]))
 
 from ._version import __version__ as __version__
+from .all_hits import AllHits as AllHits
 from .audit import Audit as Audit
 from .audit import audit as audit
 from .camera import Camera as Camera
