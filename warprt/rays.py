@@ -187,11 +187,15 @@ def _in_range(values: np.ndarray, name: str) -> np.ndarray:
     if values.dtype.kind == "f" and values.dtype.itemsize <= 4:
         return values.astype(np.float32, copy=False)
     array = _wide(values)
+    if array.size == 0:
+        return array
     size = np.abs(array)
-    is_finite = np.isfinite(size)
-    if (is_finite & (size > LARGEST)).any():
-        raise ValueError(f"{name} must not exceed {LARGEST:g} in size; got {size[is_finite].max():g}")
-    if name == "directions" and array.size:
+    # Two passes settle it for most batches: what follows is for those with NaN, infinity or zeros in them.
+    if not size.max() <= LARGEST:
+        is_finite = np.isfinite(size)
+        if (is_finite & (size > LARGEST)).any():
+            raise ValueError(f"{name} must not exceed {LARGEST:g} in size; got {size[is_finite].max():g}")
+    if name == "directions" and not size.min() >= SMALLEST:
         longest = size.max(axis=-1)
         if ((longest > 0) & (longest < SMALLEST)).any():
             raise ValueError(f"directions must be longer than {SMALLEST:g}; got {longest[longest > 0].min():g}")
