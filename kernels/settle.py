@@ -12,7 +12,7 @@ from .trace import make_primitive_id
 
 @cache
 def make_same_place(spec: Spec):
-    """Whether two hits are one: at an edge or vertex that their faces share, where both face the ray the same way."""
+    """Whether two hits of a mesh lie at the same edge or vertex, which their faces share."""
     result = spec.tier.result
     Scene, Crossed, corner = scene_struct(spec), crossed_struct(spec.tier.wide), make_corner(result)
     has_fine = spec.tier.has_fine
@@ -34,8 +34,6 @@ def make_same_place(spec: Spec):
 
     @wp.func
     def same_place(scene: Scene, one: Crossed, other: Crossed):
-        if one.instance != other.instance or (one.touch & 8) != (other.touch & 8):
-            return False
         mesh = scene.mesh[scene.shape[scene.instances.shape[one.instance]].mesh]
         if wp.static(has_fine):
             p, q = place(mesh.fine, one.primitive, one.touch)
@@ -88,27 +86,54 @@ def make_settle(spec: Spec):
             gap = wp.where(gap == 1, 0, wp.max(gap * 4 / 9, 1))
 
     @wp.func
-    def is_known(scene: Scene, crossed: wp.array(dtype=Crossed), first: int, kept: int, new: Crossed):
-        if kept > 0:
-            last = crossed[first + kept - 1]
-            if last.t == new.t and last.instance == new.instance and last.primitive == new.primitive:
-                return True
-        if wp.static(has_mesh):
-            if (new.touch & 7) != 0:
-                for k in range(kept):
-                    other = crossed[first + k]
-                    if (other.touch & 7) != 0 and same_place(scene, new, other):
-                        return True
+    def stands_for(scene: Scene, other: Crossed, hit: Crossed, is_earlier: bool):
+        """Whether another hit counts in place of one that only touches its face."""
+        if other.instance != hit.instance or (other.touch & 7) == 0:
+            return False
+        is_one = (other.touch & 16) != 0 or (is_earlier and (other.touch & 8) == (hit.touch & 8))
+        return is_one and same_place(scene, hit, other)
+
+    @wp.func
+    def is_stood_for(scene: Scene, crossed: wp.array(dtype=Crossed), first: int, count: int, k: int):
+        """Looks both ways from the hit: what shares its place has almost its t."""
+        hit = crossed[first + k]
+        reach = int(1)
+        while reach < count:
+            if k - reach >= 0:
+                if stands_for(scene, crossed[first + k - reach], hit, True):
+                    return True
+            if k + reach < count:
+                if stands_for(scene, crossed[first + k + reach], hit, False):
+                    return True
+            reach += 1
         return False
+
+    @wp.func
+    def counts(scene: Scene, crossed: wp.array(dtype=Crossed), first: int, count: int, k: int):
+        hit = crossed[first + k]
+        if k > 0:
+            last = crossed[first + k - 1]
+            if last.t == hit.t and last.instance == hit.instance and last.primitive == hit.primitive:
+                return False
+        if wp.static(has_mesh):
+            if (hit.touch & 7) != 0 and (hit.touch & 16) == 0:
+                return not is_stood_for(scene, crossed, first, count, k)
+        return True
 
     @wp.func
     def settle(scene: Scene, crossed: wp.array(dtype=Crossed), first: int, count: int, most: int) -> int:
         sort(scene, crossed, first, count)
+        for k in range(count):
+            # Marked first, and moved up after all have been looked at.
+            if not counts(scene, crossed, first, count, k):
+                dropped = crossed[first + k]
+                dropped.touch = dropped.touch | 32
+                crossed[first + k] = dropped
         kept = int(0)
         for k in range(count):
-            new = crossed[first + k]
-            if kept < most and not is_known(scene, crossed, first, kept, new):
-                crossed[first + kept] = new
+            hit = crossed[first + k]
+            if kept < most and (hit.touch & 32) == 0:
+                crossed[first + kept] = hit
                 kept += 1
         return kept
 

@@ -211,7 +211,7 @@ def crossed_struct(wide):
             "t": wide,
             "instance": wp.int32,
             "primitive": wp.int32,  # as in Hit
-            "touch": wp.int32,  # on a mesh: see triangle.touch_sheared
+            "touch": wp.int32,  # on a mesh: see triangle.touch_sheared; bit 5: does not count
         },
     )
 

@@ -76,15 +76,35 @@ def solve_sheared(ax: Real, ay: Real, az: Real, bx: Real, by: Real, bz: Real, cx
 
 
 @wp.func
+def side_beside(w: Wide, px: Real, py: Real, qx: Real, qy: Real):
+    """Sign of an edge function for a ray moved aside by an infinitesimal (e, e^2): never 0 for an edge of some length.
+
+    w is that of the ray as it is, q x p; both faces at an edge see opposite signs.
+    """
+    if w != type(w)(0.0):
+        return wp.where(w > type(w)(0.0), 1, -1)
+    if py != qy:
+        return wp.where(qy > py, 1, -1)
+    return wp.where(px > qx, 1, wp.where(px < qx, -1, 0))
+
+
+@wp.func
 def touch_sheared(ax: Real, ay: Real, az: Real, bx: Real, by: Real, bz: Real, cx: Real, cy: Real, cz: Real, dz: Wide):
     """At which edges a hit lies: bit 0 for the one opposite a, 1 for b, 2 for c. Bit 3: the triangle faces away.
 
-    A vertex lies at the two edges that meet there. Exact where the weights are in float64.
+    Bit 4: a ray infinitesimally beside this one hits it too; of the faces round an edge or vertex, those are as many as
+    cross the ray. A vertex lies at the two edges that meet there. Exact where the weights are in float64.
     """
     _is_hit, wa, wb, wc = edge_weights(ax, ay, bx, by, cx, cy, dz)
     zero = type(dz)(0.0)
     edges = wp.where(wa == zero, 1, 0) + wp.where(wb == zero, 2, 0) + wp.where(wc == zero, 4, 0)
-    return edges + wp.where(wa + wb + wc < zero, 8, 0)
+    beside_a, beside_b, beside_c = (
+        side_beside(wa, bx, by, cx, cy),
+        side_beside(wb, cx, cy, ax, ay),
+        side_beside(wc, ax, ay, bx, by),
+    )
+    is_crossed = beside_a == beside_b and beside_b == beside_c
+    return edges + wp.where(wa + wb + wc < zero, 8, 0) + wp.where(is_crossed, 16, 0)
 
 
 @wp.func

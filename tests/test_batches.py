@@ -36,6 +36,11 @@ def test_parts_give_the_same_bits(shape, dtype, accuracy, device, rng):
         np.testing.assert_array_equal(getattr(other, name), getattr(one, name))
     for a, b in zip(one.spawn(-d), other.spawn(-d), strict=True):
         np.testing.assert_array_equal(b, a)
+    for a, b in zip(one.spawn(-d), other.spawn(wp.array(-d, dtype=wp.vec3d, device=device)), strict=True):
+        np.testing.assert_array_equal(b, a)
+    limits = wp.array(t_max, dtype=wp.float64, device=device)
+    np.testing.assert_array_equal(parts.count(o, d, 0.1, limits), whole.count(o, d, 0.1, t_max))
+    np.testing.assert_array_equal(parts.cast(o, d, 0.1, limits).t, one.t)
     np.testing.assert_array_equal(parts.occluded(o, d, 0.1, t_max), whole.occluded(o, d, 0.1, t_max))
     np.testing.assert_array_equal(parts.count(o, d, 0.1, t_max), whole.count(o, d, 0.1, t_max))
     one, other = (tracer.cast_all(o, d, 0.1, t_max) for tracer in (whole, parts))
@@ -98,6 +103,29 @@ def test_limits_of_other_libraries(rng):
     assert not found.numpy()[0]
 
 
+def test_strided_limits_and_directions(device, rng):
+    o, d = (v.astype(np.float32).reshape(4, 5, 3) for v in rays_through(rng, 20))
+    tracer, t_max = rt.Tracer(rt.Scene([blob()]), device=device), rng.uniform(0.5, 3, (4, 10))
+    rays = [wp.array(v, dtype=wp.vec3, device=device) for v in (o, d)]
+    strided = wp.array(t_max, dtype=wp.float64, device=device)[:, ::2]
+    found, expected = tracer.cast(*rays, t_max=strided), tracer.cast(o, d, t_max=t_max[:, ::2])
+    np.testing.assert_array_equal(found.t.numpy(), expected.t)
+    away = wp.array(np.repeat(-d, 2, axis=1), dtype=wp.vec3, device=device)[:, ::2]
+    np.testing.assert_array_equal(found.spawn(away)[0].numpy(), expected.spawn(-d)[0])
+
+
+def test_one_limit_of_another_library_is_a_number():
+    tracer = rt.Tracer(rt.Scene([rt.Sphere()]), device="cpu")
+
+    class Number(Foreign):
+        shape = ()
+
+        def __float__(self):
+            return float(self.array)
+
+    assert tracer.count((0, 0, -3), (0, 0, 1), t_max=Number(np.array(3.0))) == 1
+
+
 def test_warp_arrays_of_numbers_will_do(device, rng):
     o, d = (v.astype(np.float32) for v in rays_through(rng, 20))
     tracer = rt.Tracer(rt.Scene([blob()]), device=device)
@@ -112,6 +140,10 @@ def test_mistakes_in_arrays_on_a_device_are_named(rng):
         tracer.cast(Foreign(vectors), vectors)
     with pytest.raises(ValueError, match=r"origins must be a Warp array of vec3 or vec3d; got float32 \(4, 2\)"):
         tracer.cast(Foreign(vectors[:, :2].copy()), Foreign(vectors))
+    vectors.setflags(write=False)
+    with pytest.raises(ValueError, match="cannot take the memory of a Foreign: "):
+        tracer.cast(Foreign(vectors), Foreign(vectors))
+    vectors = np.zeros((4, 3), np.float32)
     with pytest.raises(ValueError, match=r"origins must be a Warp array of vec3 or vec3d; got int32 \(4, 3\)"):
         tracer.cast(Foreign(vectors.astype(np.int32)), Foreign(vectors))
     with pytest.raises(ValueError, match=r"origins and directions must agree; got vec3f \(4,\) and vec3d \(4,\)"):

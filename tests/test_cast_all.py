@@ -128,6 +128,62 @@ def test_rays_at_edges_and_vertices_from_outside_cross_an_even_number_of_times(n
     np.testing.assert_array_equal(counts % 2, 0)
 
 
+def voxels(cells):
+    """The boundary of unit cubes, closed: squares cut in two."""
+    number, faces = {}, []
+    for cell in sorted(cells):
+        for axis in range(3):
+            for side in (0, 1):
+                beside = list(cell)
+                beside[axis] += 2 * side - 1
+                if tuple(beside) in cells:
+                    continue
+                corners = []
+                for i, j in ((0, 0), (1, 0), (1, 1), (0, 1)):
+                    p = np.array(cell) + np.roll((side, i, j), axis)
+                    corners.append(number.setdefault(tuple(p.tolist()), len(number)))
+                a, b, c, d = corners if side else corners[::-1]
+                faces += [(a, b, c), (a, c, d)]
+    return rt.Mesh(np.array(list(number), float), faces)
+
+
+@pytest.mark.parametrize("accelerator", ["grid", "none"])
+def test_rays_from_within_leave_through_a_concave_vertex_once(accelerator, accuracy, device):
+    step = rt.Tracer(rt.Scene([voxels({(0, 0, 0), (1, 0, 0), (1, 1, 0)})]), accuracy, device, accelerator)
+    assert step.count((1.5, 1.5, 0.5), (-1, -1, -1)) % 2 == 1
+
+
+NOT_CONVEX = {"torus": lambda: rt.Mesh.from_trimesh(trimesh.creation.torus(1.0, 0.4)), "blob": blob}
+
+
+@pytest.mark.parametrize("name", NOT_CONVEX)
+def test_parity_tells_inside_also_for_rays_at_vertices_and_edges(name, accuracy, device, rng):
+    mesh = NOT_CONVEX[name]()
+    p, count = mesh.vertices, 4000
+    face = mesh.faces[rng.integers(0, len(mesh.faces), count)]
+    middle = p[face].mean(axis=1)
+    normal = np.cross(p[face[:, 1]] - p[face[:, 0]], p[face[:, 2]] - p[face[:, 0]])
+    inside = (middle - 0.02 * normal / np.linalg.norm(normal, axis=1, keepdims=True)).astype(np.float32)
+    tracer = rt.Tracer(rt.Scene([mesh]), accuracy, device)
+    assert (tracer.count(inside, rng.normal(size=(count, 3)).astype(np.float32)) % 2 == 1).all()
+    vertex = p[rng.integers(0, len(p), count)].astype(np.float32)
+    assert (tracer.count(inside, vertex - inside) % 2 == 1).all()
+    edge = mesh.faces[rng.integers(0, len(mesh.faces), count)][:, :2]
+    on_edge = p[edge].mean(axis=1).astype(np.float32)
+    assert (tracer.count(inside, on_edge - inside) % 2 == 1).all()
+
+
+def test_thousands_of_edges_on_one_ray(device):
+    """Which once took as long as the square of their number."""
+    layers = 32_000
+    square = np.array([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)], float)
+    heights = np.arange(layers)[:, None, None] / layers * (0, 0, 1)
+    first = 4 * np.arange(layers)[:, None]
+    mesh = rt.Mesh((square + heights).reshape(-1, 3), np.concatenate([first + [0, 1, 2], first + [0, 2, 3]]))
+    tracer = rt.Tracer(rt.Scene([mesh]), device=device)
+    assert tracer.count([(0.25, 0.25, -1), (0.3, 0.2, -1)], (0, 0, 1)).tolist() == [layers, layers]
+
+
 def test_an_edge_between_faces_that_face_different_ways_counts_for_both(accuracy, device):
     wedge = rt.Mesh([(0, 0, 0), (0, 1, 0), (1, 0, 1), (1, 0, -1)], [(0, 1, 2), (1, 0, 3)])
     tracer = rt.Tracer(rt.Scene([wedge]), accuracy, device)
@@ -235,6 +291,8 @@ def test_shapes_of_batches(device):
     nothing = tracer.cast_all(np.zeros((0, 3)), np.zeros((0, 3)))
     assert nothing.offsets.tolist() == [0]
     assert nothing.position.shape == (0, 3)
+    none = wp.empty(0, dtype=wp.vec3, device=device)
+    assert isinstance(tracer.cast_all(none, none).position, wp.array)
     assert tracer.count(np.zeros((0, 3)), np.zeros((0, 3))).shape == (0,)
 
 

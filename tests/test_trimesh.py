@@ -154,6 +154,62 @@ def test_integers_and_lists_will_do(ball, device):
     assert rays.intersects_id(ray_origins=[[0, 0, 5]], ray_directions=[[0, 0, -1]])[1].tolist() == [0, 0]
 
 
+def test_what_either_of_the_classes_takes_will_do(ball):
+    rays = RayMeshIntersector(mesh=ball)
+    o, d = [(0, 0, 5)], [(0, 0, -1)]
+    assert rays.intersects_any(o, d, multiple_hits=False).tolist() == [True]
+    assert rays.intersects_first(o, d, max_hits=3).shape == (1,)
+    assert len(rays.intersects_id(o, d, return_locations=True, multiple_hits=True, max_hits=10**12)) == 3
+
+
+@pytest.mark.parametrize("sine", [1e-3, 1e-6, 5e-7, 1e-8, 1e-10])
+def test_points_of_grazing_rays(sine, accuracy, device, rng):
+    face = trimesh.Trimesh([(0, 0, 0), (1, 0, 0), (0, 1, 0)], [(0, 1, 2)], process=False)
+    count = 200
+    target = np.column_stack([rng.dirichlet((1, 1, 1), count)[:, :2], np.zeros(count)])
+    d = np.column_stack([rng.normal(size=(count, 2)), np.full(count, -sine)])
+    o = target - 3 * d
+    points, ray, _face = RayMeshIntersector(face, accuracy=accuracy, device=device).intersects_location(o, d)
+    assert len(ray) > count / 2 or sine < 1e-6
+    # The height of the origin is off by a rounding of 3 sine, and the point by as many times 1 / sine along the ray.
+    np.testing.assert_allclose(points, target[ray], atol=max(1e-14, 8 * 2**-53 / sine))
+    assert (points[:, :2] > -0.01).all()
+
+
+@pytest.mark.parametrize("size", [1e-150, 1e-110, 1e-50, 1e30])
+def test_points_of_tiny_and_huge_meshes(size, device):
+    ring = trimesh.creation.torus(1.0, 0.4)
+    small = trimesh.Trimesh(ring.vertices * size, ring.faces, process=False)
+    o, d = np.array([(0.9, 0.1, 3)]), np.array([(0.0, 0.01, -1)])
+    expected, _ray, faces = RayMeshIntersector(ring, accuracy="double", device=device).intersects_location(o, d)
+    points, _ray, face = RayMeshIntersector(small, accuracy="double", device=device).intersects_location(o * size, d)
+    np.testing.assert_array_equal(face, faces)
+    np.testing.assert_allclose(points / size, expected, rtol=1e-12)
+
+
+def test_meshes_made_before_an_installation_can_still_be_pickled(ball):
+    data = pickle.dumps(ball)
+    with warprt.trimesh.install():
+        within = pickle.dumps(ball)
+        assert not isinstance(ball.ray, trimesh.ray.ray_triangle.RayMeshIntersector)
+        assert isinstance(trimesh.creation.box().ray, trimesh.ray.ray_triangle.RayMeshIntersector)
+        assert type(pickle.loads(within).ray) is type(ball.ray)
+        again = pickle.loads(data).ray
+        assert isinstance(again, (RayMeshIntersector, type(ball.ray)))
+    assert type(pickle.loads(within).ray) is type(ball.ray)
+    assert type(pickle.loads(data).ray) is type(ball.ray)
+
+
+def test_installations_end_in_any_order():
+    one, other = warprt.trimesh.install("double"), warprt.trimesh.install("fast")
+    one.__exit__()
+    assert "fast" in repr(trimesh.creation.box().ray)
+    other.__exit__()
+    assert not isinstance(trimesh.creation.box().ray, RayMeshIntersector)
+    with pytest.raises(ValueError, match="threads must be an integer of at least 1; got 0"):
+        warprt.trimesh.install(threads=0)
+
+
 def test_mistakes_are_named(ball):
     rays = RayMeshIntersector(ball)
     with pytest.raises(ValueError, match=r"don't match: \(2, 3\) and \(1, 3\)"):

@@ -22,7 +22,7 @@ MOST_HITS = 2**31 - 1
 ROOM = 8
 """Hits of a ray for which there is room at first. Rays that have more are gathered again."""
 GATHERED = 1 << 23
-"""Hits that are gathered at a time: about 200 MB."""
+"""Hits that are gathered at a time, if the budget allows: about 200 MB."""
 
 
 def all_field_names(outputs) -> tuple[str, ...]:
@@ -36,9 +36,9 @@ def all_field_names(outputs) -> tuple[str, ...]:
 class AllHits:
     """All hits of n rays, m in all: those of ray k are rows offsets[k] .. offsets[k + 1] - 1 of each field.
 
-    They are sorted by t, then by instance and primitive. Rays of several leading axes count in C order. Arrays are
-    NumPy arrays, or Warp arrays where the rays were; their types are those of `Hits`. A field that `outputs` did not
-    name raises AttributeError.
+    They are sorted by t before it is rounded to its type, then by instance and primitive. Rays of several leading axes
+    count in C order. Arrays are NumPy arrays, or Warp arrays where the rays were; their types are those of `Hits`. A
+    field that `outputs` did not name raises AttributeError.
     """
 
     offsets: Array
@@ -92,6 +92,13 @@ class Gathering:
     most: int
     """Hits of a ray that are kept."""
     threads: int
+    budget: int
+    """Bytes, about, for what is gathered at a time; a single ray that has more hits takes what it needs."""
+
+    @property
+    def gathered(self) -> int:
+        """Hits at a time: those gathered, twice, and all fields of those stored take 224 bytes each."""
+        return max(ROOM, min(GATHERED, self.budget // 256))
 
 
 class Piece(NamedTuple):
@@ -107,7 +114,7 @@ def all_hits(rays: Rays, want: Gathering) -> AllHits:
     pieces = [_fetched(piece, rays) for part in rays.parts() for piece in _pieces(part, want)]
     offsets = np.zeros(rays.count + 1, dtype=np.int64)
     np.cumsum(np.concatenate([np.zeros(0, np.int32), *(piece.kept for piece in pieces)]), out=offsets[1:])
-    fields = {name: _joined([piece.fields[name] for piece in pieces], name, want) for name in want.names}
+    fields = {name: _joined([piece.fields[name] for piece in pieces], name, rays, want) for name in want.names}
     if rays.is_device_array:
         return AllHits(rays.shape, wp.array(offsets, dtype=wp.int64, device=rays.device), fields)
     return AllHits(rays.shape, offsets, fields)
@@ -127,13 +134,14 @@ def _fetched(piece: Piece, rays: Rays) -> Piece:
     return Piece(piece.kept, {name: array.numpy() for name, array in piece.fields.items()})
 
 
-def _joined(arrays: list, name: str, want: Gathering) -> Array:
+def _joined(arrays: list, name: str, rays: Rays, want: Gathering) -> Array:
     """One array after the other."""
     if len(arrays) == 1:
         return arrays[0]
     device, dtype = want.scene.device, field_types(want.scene.spec.tier.result)[name]
     if not arrays:
-        return wp.empty(0, dtype=dtype, device=device).numpy()
+        nothing = wp.empty(0, dtype=dtype, device=device)
+        return nothing if rays.is_device_array else nothing.numpy()
     if isinstance(arrays[0], np.ndarray):
         return np.concatenate(arrays)
     joined = wp.empty(sum(array.size for array in arrays), dtype=dtype, device=device)
@@ -146,26 +154,26 @@ def _joined(arrays: list, name: str, want: Gathering) -> Array:
 
 def _pieces(part: RayPart, want: Gathering) -> Iterator[Piece]:
     """All hits of a part, so many rays at a time that what is gathered stays within bounds."""
-    step = GATHERED // ROOM
+    step = want.gathered // ROOM
     for first in range(0, part.count, step):
         ray = np.arange(first, min(first + step, part.count), dtype=np.int32)
         kept = wp.empty(len(ray), dtype=wp.int32, device=want.scene.device)
         tasks = _gathered(part, want, ray, np.full(len(ray), ROOM), kept, first)
         room = tasks.room.numpy()
         over = np.flatnonzero(room > ROOM)
-        if room[over].sum(dtype=np.int64) <= GATHERED:
+        if room[over].sum(dtype=np.int64) <= want.gathered:
             again = [_gathered(part, want, ray[over], room[over], kept, first)] if len(over) else []
             yield _piece(part, want, [tasks, *again])
             continue
         del tasks
-        for rows in _shares(room):
+        for rows in _shares(room, want.gathered):
             kept = wp.empty(int(rows.stop - rows.start), dtype=wp.int32, device=want.scene.device)
             yield _piece(part, want, [_gathered(part, want, ray[rows], room[rows], kept, first + int(rows.start))])
 
 
-def _shares(room: np.ndarray) -> Iterator[slice]:
-    """Runs of rays whose hits are about as many as are gathered at a time; a ray that has more is one of its own."""
-    share = np.cumsum(room, dtype=np.int64) // GATHERED
+def _shares(room: np.ndarray, gathered: int) -> Iterator[slice]:
+    """Runs of rays whose hits are about as many as are gathered at a time, and those of one ray at the most besides."""
+    share = np.cumsum(room, dtype=np.int64) // gathered
     edges = np.flatnonzero(np.diff(share, prepend=-1, append=-1))
     yield from (slice(first, last) for first, last in itertools.pairwise(edges))
 

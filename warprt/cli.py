@@ -1,4 +1,4 @@
-"""The command line: warprt render, warprt bench, warprt info."""
+"""The command line: render, tradeoff, audit, bench, info."""
 
 import argparse
 import os

@@ -87,7 +87,8 @@ class Hits:
 
         directions: (..., 3), broadcast against the hits. Origins are float64, (..., 3), and lie off the surface by
         a bound on all roundings, so that a convex shape never meets its own rays; those of misses are NaN. The hits
-        are found again, so call it before anything in the scene moves, or Warp arrays of rays change.
+        are found again, so call it before anything in the scene moves, or the arrays of rays change that were
+        Warp's, or too many for the tracer's `budget`.
 
         Raises ValueError for directions of other shapes or types.
         """

@@ -89,15 +89,17 @@ class Rays:
         directions = _in_range(self.directions[rows], "directions")
         dtype = np.result_type(origins, directions)
         kind = wp.vec3d if dtype == np.float64 else wp.vec3f
-        # A copy: `Hits.spawn` reads the rays again, when the caller may have changed theirs.
+        # A copy: `Hits.spawn` reads the rays again, when the caller may have changed theirs. Where there are several
+        # parts, it reads the caller's: nothing is kept.
         arrays = [np.ascontiguousarray(values, dtype=dtype) for values in (origins, directions)]
         return [wp.array(values, dtype=kind, device=self.device) for values in arrays], dtype == np.float64
 
     def _limits(self, values: np.ndarray | wp.array, rows: slice) -> tuple[wp.array, int]:
         """(float64 limits, step from one ray to the next: 0 where all share one)."""
         if isinstance(values, wp.array):
-            wide = wp.empty(values.size, dtype=wp.float64, device=self.device)
-            wp.utils.array_cast(values, wide)
+            part = values[rows]
+            wide = wp.empty(part.size, dtype=wp.float64, device=self.device)
+            wp.utils.array_cast(part, wide)
             return wide, 1
         if values.ndim == 0:
             return _common_limit(float(values), self.device.alias), 0
@@ -140,7 +142,9 @@ def as_directions(directions, rays: Rays) -> np.ndarray | wp.array:
     if isinstance(directions, wp.array):
         if directions.shape != rays.shape or directions.dtype not in (wp.vec3f, wp.vec3d):
             raise ValueError(f"directions must be vec3 or vec3d of shape {rays.shape}; got {_describe(directions)}")
-        return directions.flatten()
+        if directions.device != rays.device:
+            raise ValueError(f"directions are on {directions.device.alias}, but the rays are on {rays.device.alias}")
+        return directions.contiguous().flatten()
     try:
         return np.broadcast_to(_numbers(directions, "directions"), (*rays.shape, 3)).reshape(-1, 3)
     except ValueError:
@@ -151,7 +155,12 @@ def _adopted(value):
     """An array of another library as a Warp array that shares its memory; anything else as it is."""
     if isinstance(value, (np.ndarray, np.generic, wp.array)) or not hasattr(value, "__dlpack__"):
         return value
-    return wp.from_dlpack(value)
+    if getattr(value, "shape", None) == ():
+        return float(value)
+    try:
+        return wp.from_dlpack(value)
+    except Exception as error:
+        raise ValueError(f"cannot take the memory of a {type(value).__name__}: {error}") from None
 
 
 def _as_vectors(value):
@@ -229,7 +238,7 @@ def _checked_limit(value: float | Array, name: str, shape: tuple, device: wp.Dev
             raise ValueError(f"{name} must be float32 or float64 of shape {shape}; got {_describe(value)}")
         if value.device != device:
             raise ValueError(f"{name} is on {value.device.alias}, but the tracer is on {device.alias}")
-        return value.flatten()
+        return value.contiguous().flatten()
     array = _numbers(value, name)
     if array.ndim == 0:
         return array

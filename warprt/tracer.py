@@ -154,9 +154,10 @@ class Tracer:
     ) -> AllHits:
         """All hits of each ray with t_min <= t < t_max, sorted by t, then by instance and primitive.
 
-        Arguments as for `cast`; max_hits: only so many of each ray, the nearest. Where a ray crosses a surface at an
-        edge or vertex, faces of one instance that share it and face the ray the same way count once. A solid shape
-        is hit where a ray enters it and where it leaves.
+        Arguments as for `cast`; max_hits: only so many of each ray, the nearest. Where a ray meets an
+        edge or vertex exactly, those faces there count that a ray infinitesimally beside it meets, so that a closed
+        surface is crossed as often as is right; a surface that is only touched counts once for each side that is seen.
+        A solid shape is hit where a ray enters it and where it leaves.
 
         Raises ValueError as `cast` does.
         """
@@ -276,7 +277,7 @@ class Tracer:
         return as_rays(origins, directions, t_min, t_max, self.device, max(1, self.budget // BYTES))
 
     def _gathering(self, names: tuple[str, ...], most: int) -> Gathering:
-        return Gathering(self._device_scene, names, most, self.threads)
+        return Gathering(self._device_scene, names, most, self.threads, self.budget)
 
     def _launch(self, kernel: wp.Kernel, part: RayPart, arguments: list) -> None:
         inputs = [self._device_scene.struct, part.struct, *arguments]
@@ -293,7 +294,7 @@ class Tracer:
         def run(part: RayPart, fields: dict[str, wp.array]) -> None:
             rows = slice(part.first, part.first + part.count)
             if isinstance(away, wp.array):
-                wp.utils.array_cast(away, fields["direction"])
+                wp.utils.array_cast(away[rows], fields["direction"])
             else:
                 fields["direction"].assign(np.ascontiguousarray(away[rows], dtype=np.float64))
             self._launch(kernel, part, [fields["direction"], fields["origin"]])

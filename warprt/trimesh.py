@@ -5,7 +5,8 @@
 - `with warprt.trimesh.install(accuracy="double"): ...`: for every mesh made within.
 """
 
-import functools
+import copyreg
+import importlib
 
 import numpy as np
 import trimesh
@@ -16,6 +17,7 @@ from trimesh.ray.ray_util import contains_points
 from warprt.kernels.points import find_points
 
 from . import checks
+from .all_hits import MOST_HITS
 from .launch import launch
 from .mesh import Mesh
 from .scene import Scene
@@ -28,8 +30,9 @@ Ids = np.ndarray
 class RayMeshIntersector:
     """Rays against a trimesh.Trimesh; methods, their arguments and their results are those of trimesh's own class.
 
-    accuracy, device, threads: as for `warprt.Tracer`. scale_to_box is accepted, and not needed. The mesh is followed
-    when it changes; copies and pickles leave behind what lies on the device. Points are float64 in every accuracy.
+    accuracy, device, threads: as for `warprt.Tracer`. scale_to_box, and what else the methods of either of trimesh's
+    classes may be given, is accepted, and not needed. The mesh is followed when it changes; copies and pickles leave
+    behind what lies on the device. Points are float64 in every accuracy.
 
     Results come hit by hit: all first hits by ray, then all second hits, and so on. A surface that a ray crosses at an
     edge or a vertex counts once.
@@ -37,21 +40,19 @@ class RayMeshIntersector:
 
     def __init__(
         self,
-        geometry: trimesh.Trimesh,
+        geometry: trimesh.Trimesh | None = None,
         scale_to_box: bool = True,
         accuracy: str = "robust",
         device: str | wp.Device | None = None,
         threads: int | None = None,
+        *,
+        mesh: trimesh.Trimesh | None = None,
     ):
+        geometry = mesh if geometry is None else geometry
         if not isinstance(geometry, trimesh.Trimesh):
             raise ValueError(f"RayMeshIntersector needs a trimesh.Trimesh; got {type(geometry).__name__}")
         self.mesh = geometry
-        self._options = {
-            "scale_to_box": scale_to_box,
-            "accuracy": choice(accuracy, TIERS, "accuracy"),
-            "device": None if device is None else as_device(device).alias,
-            "threads": threads,
-        }
+        self._options = _checked(accuracy, device, threads)
         self._cache = Cache(id_function=self.mesh.__hash__)
 
     def __repr__(self) -> str:
@@ -61,7 +62,9 @@ class RayMeshIntersector:
         return {name: value for name, value in self.__dict__.items() if name != "_cache"}
 
     def __setstate__(self, state):
-        self.__dict__.update(state, _cache=Cache(id_function=state["mesh"].__hash__))
+        # One of trimesh's own, pickled elsewhere, has no options.
+        self.__dict__.update({"_options": _checked("robust", None, None)} | state)
+        self._cache = Cache(id_function=self.mesh.__hash__)
 
     def __copy__(self):
         return RayMeshIntersector(self.mesh, **self._options)
@@ -74,8 +77,7 @@ class RayMeshIntersector:
         """None for a mesh without faces, which no ray meets."""
         if len(self.mesh.faces) == 0:
             return None
-        options = {name: value for name, value in self._options.items() if name != "scale_to_box"}
-        return Tracer(Scene([Mesh(self.mesh.vertices, self.mesh.faces)]), **options)
+        return Tracer(Scene([Mesh(self.mesh.vertices, self.mesh.faces)]), **self._options)
 
     def intersects_id(
         self,
@@ -84,6 +86,7 @@ class RayMeshIntersector:
         multiple_hits: bool = True,
         max_hits: int = 100,
         return_locations: bool = False,
+        **others,
     ) -> tuple[Ids, Ids] | tuple[Ids, Ids, np.ndarray]:
         """(index_tri, index_ray), (m,) int64 each, and, if they are asked for, points (m, 3) float64.
 
@@ -91,7 +94,7 @@ class RayMeshIntersector:
         Raises ValueError for other shapes.
         """
         origins, directions = _rays(ray_origins, ray_directions)
-        most = checks.integer(max_hits, "max_hits") if multiple_hits else 1
+        most = checks.integer(min(max_hits, MOST_HITS), "max_hits") if multiple_hits else 1
         ray, face, t = self._hits(origins, directions, most)
         if not return_locations:
             return face, ray
@@ -105,14 +108,14 @@ class RayMeshIntersector:
         index_tri, index_ray, points = self.intersects_id(ray_origins, ray_directions, **kwargs)
         return points, index_ray, index_tri
 
-    def intersects_first(self, ray_origins: ArrayLike, ray_directions: ArrayLike) -> Ids:
+    def intersects_first(self, ray_origins: ArrayLike, ray_directions: ArrayLike, **others) -> Ids:
         """(n,) int32: the face that each ray hits first, -1 where it misses."""
         origins, directions = _rays(ray_origins, ray_directions)
         if self._tracer is None:
             return np.full(len(origins), -1, dtype=np.int32)
         return self._tracer.cast(origins, directions, outputs="primitive_id").primitive_id
 
-    def intersects_any(self, ray_origins: ArrayLike, ray_directions: ArrayLike) -> np.ndarray:
+    def intersects_any(self, ray_origins: ArrayLike, ray_directions: ArrayLike, **others) -> np.ndarray:
         """(n,) bool: whether each ray hits anything."""
         origins, directions = _rays(ray_origins, ray_directions)
         if self._tracer is None:
@@ -181,18 +184,66 @@ def _rays(origins: ArrayLike, directions: ArrayLike) -> tuple[np.ndarray, np.nda
     return origins, directions
 
 
+class _StandIn(type):
+    """The type of what stands in the place of trimesh's classes: called, it makes a `RayMeshIntersector`."""
+
+    options: dict
+
+    def __call__(cls, *args, **kwargs) -> RayMeshIntersector:
+        return RayMeshIntersector(*args, **(cls.options | kwargs))
+
+    def __instancecheck__(cls, instance) -> bool:
+        return isinstance(instance, RayMeshIntersector)
+
+
+def _stand_in(options: dict) -> type:
+    # Pickles of trimesh's own intersectors ask for `__new__` of what now has their name.
+    members = {"options": options, "__new__": lambda cls: object.__new__(RayMeshIntersector)}
+    return _StandIn("RayMeshIntersector", (RayMeshIntersector,), members)
+
+
 class Installation:
     """What `install` has put in place; as a context manager it is undone at the end."""
+
+    def __init__(self, options: dict):
+        self.stand_in = _stand_in(options)
 
     def __enter__(self) -> "Installation":
         return self
 
     def __exit__(self, *exception) -> None:
-        uninstall()
+        if self in _installed:
+            _installed.remove(self)
+            _put_in_place()
 
 
-_replaced: list[dict] = []
-"""For each installation that has not been undone, the classes that it replaced, by their modules."""
+_installed: list[Installation] = []
+"""Those that have not been undone; the last one is in force."""
+_own: dict[str, type] = {}
+"""trimesh's own classes, by their modules, while others stand in for them."""
+
+
+def _put_in_place() -> None:
+    """The last installation, or, if there is none, what is trimesh's own."""
+    modules = [trimesh.ray.ray_triangle] + ([trimesh.ray.ray_pyembree] if trimesh.ray.has_embree else [])
+    for module in modules:
+        if _installed:
+            own = _own.setdefault(module.__name__, module.RayMeshIntersector)
+            copyreg.pickle(own, _reduced)
+            module.RayMeshIntersector = _installed[-1].stand_in
+        elif module.__name__ in _own:
+            module.RayMeshIntersector = _own.pop(module.__name__)
+            copyreg.dispatch_table.pop(module.RayMeshIntersector, None)
+
+
+def _reduced(intersector) -> tuple:
+    """How to pickle one of trimesh's own while its class cannot be found by name."""
+    return _own_blank, (type(intersector).__module__,), intersector.__reduce_ex__(2)[2]
+
+
+def _own_blank(module: str):
+    own = _own.get(module) or importlib.import_module(module).RayMeshIntersector
+    return own.__new__(own)
 
 
 def install(
@@ -203,21 +254,21 @@ def install(
     Meshes that exist keep what they have. Both of trimesh's engines are replaced, so it does not matter whether embreex
     is installed or a mesh was told to use it. Raises ValueError for an unknown accuracy or device.
     """
-    choice(accuracy, TIERS, "accuracy")
-    alias = None if device is None else as_device(device).alias
-    modules = [trimesh.ray.ray_triangle]
-    if trimesh.ray.has_embree:
-        modules.append(trimesh.ray.ray_pyembree)
-    _replaced.append({module: module.RayMeshIntersector for module in modules})
-    for module in modules:
-        module.RayMeshIntersector = functools.partial(
-            RayMeshIntersector, accuracy=accuracy, device=alias, threads=threads
-        )
-    return Installation()
+    _installed.append(Installation(_checked(accuracy, device, threads)))
+    _put_in_place()
+    return _installed[-1]
 
 
 def uninstall() -> None:
     """Undoes the last `install`; without one it does nothing."""
-    if _replaced:
-        for module, intersector in _replaced.pop().items():
-            module.RayMeshIntersector = intersector
+    if _installed:
+        _installed[-1].__exit__()
+
+
+def _checked(accuracy: str, device: str | wp.Device | None, threads: int | None) -> dict:
+    """The options of a tracer."""
+    return {
+        "accuracy": choice(accuracy, TIERS, "accuracy"),
+        "device": None if device is None else as_device(device).alias,
+        "threads": None if threads is None else checks.integer(threads, "threads"),
+    }
