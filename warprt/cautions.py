@@ -102,7 +102,7 @@ def _thin_wall(placements, rows: slice, shape) -> list[str]:
 def wall_thickness(placements, rows: slice, shape) -> tuple[np.ndarray, np.ndarray]:
     """(N, 3) each: thickness along the normals of a shape's bounds, and bounds of the offset of rays that leave them.
 
-    In world space; the second is not below `offset_bound` of kernels/surface.py: its terms are the largest of the shape.
+    In world space; the second is not below `offset_bound` of kernels/surface.py: of the shape, it takes the largest.
     """
     canonical = shape.canonical()
     a, b = placements.canonical_linear[rows], placements.canonical_origin[rows]

@@ -1,4 +1,4 @@
-"""Scenes from files: Python, .cfg, and meshes."""
+"""Scenes from files: Python, .cfg, glTF, and meshes."""
 
 import importlib.util
 import sys
