@@ -108,13 +108,18 @@ def by_parts(rays: "Rays", types: dict[str, type], run: Callable) -> dict[str, A
 
     Warp arrays where the rays are, else NumPy arrays.
     """
-    results = {name: [] for name in types}
+    results: dict[str, Array] = {}
     for part in rays.parts():
         fields = {name: wp.empty(part.count, dtype=dtype, device=rays.device) for name, dtype in types.items()}
         run(part, fields)
+        if rays.is_whole:
+            results = fields if rays.is_device_array else {name: array.numpy() for name, array in fields.items()}
+            break
         for name, array in fields.items():
-            results[name].append(array if rays.is_device_array else array.numpy())
+            values = array.numpy()
+            if name not in results:
+                results[name] = np.zeros((rays.count, *values.shape[1:]), dtype=values.dtype)
+            results[name][part.first : part.first + part.count] = values
     if rays.is_device_array:
-        return {name: arrays[0].reshape(rays.shape) for name, arrays in results.items()}
-    joined = {name: parts[0] if len(parts) == 1 else np.concatenate(parts) for name, parts in results.items()}
-    return {name: values.reshape(rays.shape + values.shape[1:]) for name, values in joined.items()}
+        return {name: array.reshape(rays.shape) for name, array in results.items()}
+    return {name: values.reshape(rays.shape + values.shape[1:]) for name, values in results.items()}
