@@ -143,6 +143,16 @@ def test_few_moved_instances_need_no_new_grid(accuracy, device, rng, builds):
     assert_same_hits(tracer, rt.Tracer(rt.Scene([rt.Instances(mesh, matrices)]), accuracy, device), rng)
 
 
+def test_one_updated_mesh_among_many_instances_needs_no_new_grid(accuracy, device, rng, builds):
+    mesh, other, matrices = ball(), ball(), many(rng)
+    scene = rt.Scene([rt.Instances(mesh, matrices), rt.Instance(other, many(rng, 1)[0])])
+    tracer = rt.Tracer(scene, accuracy, device)
+    other.update(2 * other.vertices + (0, 1, 0))
+    tracer.cast((0, 0, 9), (0, 0, -1))
+    assert len(builds) == 1
+    assert_same_hits(tracer, rt.Tracer(scene, accuracy, device), rng)
+
+
 def test_many_moved_instances_are_put_into_a_new_grid(device, rng, builds):
     mesh, matrices = ball(), many(rng)
     tracer = rt.Tracer(rt.Scene([rt.Instances(mesh, matrices)]), device=device)

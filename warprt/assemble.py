@@ -38,7 +38,8 @@ class DeviceScene:
         if versions == self.versions:
             return
         canonicals = [shape.canonical() for shape in self.shapes]
-        self.placements.reshape(canonicals)
+        updated = {id(mesh) for mesh, old in zip(meshes, self.versions, strict=True) if mesh.version != old}
+        self.placements.reshape(canonicals, [k for k, shape in enumerate(self.shapes) if id(shape) in updated])
         self.meshes = [mesh.device_copy(self.spec.tier, self.device, self.spec.mesh_grid) for mesh in meshes]
         self.versions = versions
         self._fill(canonicals)

@@ -86,15 +86,19 @@ class Placements:
             raise
         self._relist(rows)
 
-    def reshape(self, canonicals: list) -> None:
-        """Takes note that shapes have other centres, scales or bounds."""
+    def reshape(self, canonicals: list, changed: list[int]) -> None:
+        """Takes note that some shapes, by their numbers, have other centres, scales or bounds."""
+        rows = np.flatnonzero(np.isin(self.shape, changed))
         before, self._canonicals = self._canonicals, canonicals
+        if len(rows) == 0:
+            return
         try:
-            self._place(slice(0, self.count))
+            # One range, so that nothing has changed when it raises; what else lies in it stays as it is.
+            self._place(slice(int(rows[0]), int(rows[-1]) + 1))
         except ValueError:
             self._canonicals = before
             raise
-        self._list()
+        self._relist(rows)
 
     @property
     def has_grid(self) -> bool:
@@ -212,7 +216,7 @@ class Placements:
         self._wide_lower, self._wide_upper = self.lower - slack[:, None], self.upper + slack[:, None]
         self._reach = REACH[self._wide] * extent if self._wide is wp.float64 else np.inf
 
-    def _relist(self, rows: slice) -> None:
+    def _relist(self, rows: slice | np.ndarray) -> None:
         """After some instances have moved: a few are kept out of the grid, for more it is built again.
 
         That the grid still lists them where they were costs a little time, and changes nothing else.
