@@ -31,7 +31,7 @@ def scene(size: int = 4) -> rt.Scene:
             rt.DirectionalLight((-0.7, -1.0, -0.8), (0.90, 0.84, 0.74)),
             rt.DirectionalLight((1.0, -0.5, -0.4), (0.22, 0.26, 0.34)),
         ],
-        camera=rt.Camera(position=(2.7 * size, 1.9 * size, 3.3 * size), target=(0, 0.93 * size, 0), fov_deg=34),
+        camera=rt.Camera(position=(2.7 * size, 1.9 * size, 3.3 * size), target=(0, 0.93 * size, 0), fov_deg=36),
         background=rt.GradientSky(horizon=(0.50, 0.54, 0.60), zenith=(0.06, 0.10, 0.18)),
     )
 

@@ -14,7 +14,7 @@ def scene(size: int = 8, seed: int = 11) -> rt.Scene:
     """2 * 4^size triangles over the square |x|, |z| <= 1, coloured by height and slope."""
     balls = [(-0.17, 0.78), (0.17, 0.78), (0.0, 1.07)]
     silver = rt.Material((0.02, 0.02, 0.03), mirror=(0.86, 0.88, 0.90))
-    pyramid = np.array([*((x + 0.50, 0.19, z + 0.35) for x, z in balls), (0.50, 0.47, 1.225)])
+    pyramid = np.array([*((x + 0.50, 0.138, z + 0.35) for x, z in balls), (0.50, 0.414, 1.225)])
     places = np.tile(np.eye(4), (4, 1, 1))
     places[:, :3, 3] = pyramid
     return rt.Scene(

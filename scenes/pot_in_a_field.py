@@ -49,7 +49,7 @@ def pot(size: int, flutes: int = 28) -> tuple[np.ndarray, np.ndarray]:
     profile = PROFILE / 1000
     share = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(profile, axis=0), axis=1))])
     t = np.linspace(0, share[-1], size + 1)
-    radius, y = (smooth(np.interp(t, share, column)) for column in profile.T)
+    radius, y = (smooth(np.interp(t, share, column), size // 16 | 1) for column in profile.T)
     radius[[0, -1]] = 0
     angle = np.linspace(0, 2 * np.pi, size + 1)[:, None]
     is_outside = np.arange(size + 1) < size * 0.52
@@ -62,7 +62,7 @@ def pot(size: int, flutes: int = 28) -> tuple[np.ndarray, np.ndarray]:
     return points, np.broadcast_to(color, points.shape)
 
 
-def smooth(values: np.ndarray, width: int = 7) -> np.ndarray:
+def smooth(values: np.ndarray, width: int) -> np.ndarray:
     """A running mean, so that a chain of straight lines becomes a curve."""
     return np.convolve(np.pad(values, width // 2, mode="edge"), np.ones(width) / width, mode="valid")
 

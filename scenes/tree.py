@@ -24,10 +24,11 @@ def scene(size: int = 11) -> rt.Scene:
     # A joint is as wide as the branch that ends in it.
     tips[:, :3, :3] *= 0.11
     tips[is_leaf, :3, :3] = 0.07 * np.eye(3) * (1, 0.6, 1)
+    materials = [rt.Material(BARK), *(rt.Material(color, mirror=0.04) for color in LEAVES)]
     return rt.Scene(
         objects=[
             rt.Instances(blunt_cone(), branches, rt.Material(BARK)),
-            rt.Instances(rt.Sphere(), tips, [rt.Material(c) for c in (BARK, *LEAVES)], leaf * is_leaf),
+            rt.Instances(rt.Sphere(), tips, materials, leaf * is_leaf),
             rt.Instance(rt.Plane(), material=rt.Material((0.30, 0.36, 0.14))),
         ],
         lights=[rt.AmbientLight((0.28, 0.32, 0.38)), rt.DirectionalLight((0.7, -1.0, -0.6), (1.05, 0.96, 0.80))],
