@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import ready
 from test_cast import CUBE_FACES, CUBE_VERTICES
 from test_grid import sphere_mesh
 
@@ -19,7 +20,7 @@ def found(*objects, device, camera=EYE):
 
 @pytest.mark.parametrize("name", ready_scenes())
 def test_ready_scenes_give_no_cause(name, device):
-    assert cautions(rt.Tracer(rt.load_scene(name), "robust", device)) == []
+    assert cautions(rt.Tracer(ready.load(name), "robust", device)) == []
 
 
 def ball_beside(scale, at=(0, 0, 0)):

@@ -52,6 +52,15 @@ def test_other_outputs_go_to_an_npz(folder):
     assert size_of("deep.png") == (16, 12)
 
 
+def test_options_go_to_the_function_scene(folder):
+    (folder / "a.py").write_text(
+        "import warprt as rt\ndef scene(n, shade):\n    assert shade == 'dark'\n"
+        "    return rt.Scene([rt.Sphere(), rt.Plane()] * n, [rt.PointLight((5, 5, 5))])"
+    )
+    options = ("--option", "n=2", "--option", "shade=dark", "--size", "16x12", "--device", "cpu")
+    assert run("render", "a.py", *options) == 0
+
+
 def test_no_clobber_refuses_to_replace(folder, capfd):
     (folder / "ball.png").write_bytes(b"mine")
     assert run("render", "ball.cfg", "--no-clobber") == 2
@@ -77,6 +86,8 @@ def test_no_clobber_refuses_to_replace(folder, capfd):
         pytest.param(("render", "ball.cfg", "-o", "none/x.png"), "no folder", id="no folder"),
         pytest.param(("render", "ball.cfg", "-o", "x.xyz"), "suffix", id="unknown suffix"),
         pytest.param(("render", "ball.cfg", "-o", ".."), "a folder", id="output is a folder"),
+        pytest.param(("render", "ball.cfg", "--option", "size"), "NAME=VALUE", id="option without a value"),
+        pytest.param(("render", "ball.cfg", "--option", "n=2"), "only scenes in Python", id="option of a .cfg"),
         pytest.param(("render", "ball.cfg", "--colour"), "unrecognized", id="unknown option"),
         pytest.param(("paint",), "invalid choice", id="unknown command"),
         pytest.param((), "required", id="no command"),

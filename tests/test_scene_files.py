@@ -12,6 +12,15 @@ def test_python_file_gives_its_scene(tmp_path):
     assert rt.load_scene(tmp_path / "a.py").instance_count == 2
 
 
+def test_options_go_to_scene(tmp_path):
+    (tmp_path / "a.py").write_text("import warprt as rt\ndef scene(n=2):\n    return rt.Scene([rt.Sphere()] * n)\n")
+    assert rt.load_scene(tmp_path / "a.py", n=5).instance_count == 5
+    with pytest.raises(ValueError, match=r"a\.py.*TypeError.*'m'"):
+        rt.load_scene(tmp_path / "a.py", m=5)
+    with pytest.raises(ValueError, match=r"ziggurat\.cfg: only scenes in Python take options; got n"):
+        rt.load_scene("ziggurat", n=5)
+
+
 @pytest.mark.parametrize(
     "text, words",
     [

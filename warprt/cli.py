@@ -1,6 +1,7 @@
 """The command line: render, tradeoff, audit, bench, info."""
 
 import argparse
+import ast
 import os
 import sys
 import tempfile
@@ -73,6 +74,9 @@ def _parser() -> _Parser:
     render = commands.add_parser("render", help="make a picture of a scene")
     render.add_argument(
         "scene", metavar="SCENE", help="a file (.py .cfg .glb .gltf .obj .ply .stl .off) or a ready scene"
+    )
+    render.add_argument(
+        "--option", action="append", default=[], type=_option, metavar="NAME=VALUE", help="for scene() of a Python file"
     )
     render.add_argument("-o", "--output", metavar="FILE", help="default: the scene's name with .png, here")
     render.add_argument("--size", type=_size, default=(640, 480), metavar="WxH", help="pixels; default 640x480")
@@ -152,6 +156,16 @@ def _size(text: str) -> tuple[int, int]:
     return int(width), int(height)
 
 
+def _option(text: str) -> tuple[str, object]:
+    name, equals, value = text.partition("=")
+    if not (equals and name.isidentifier()):
+        raise argparse.ArgumentTypeError(f"{text!r} is not NAME=VALUE, such as size=5")
+    try:
+        return name, ast.literal_eval(value)
+    except (ValueError, SyntaxError):
+        return name, value
+
+
 def _announce_compile() -> None:
     print("Compiling kernels for a new kind of scene; they are kept for the next time ...", file=sys.stderr, flush=True)
 
@@ -166,7 +180,8 @@ def _render(options: argparse.Namespace) -> None:
         file_kind(require_writable(file))
         if options.no_clobber and file.exists():
             raise FileExistsError(f"{file} exists already; leave out --no-clobber to replace it")
-    tracer = Tracer(load_scene(path), options.accuracy, options.device, options.accelerator, options.threads)
+    scene = load_scene(path, **dict(options.option))
+    tracer = Tracer(scene, options.accuracy, options.device, options.accelerator, options.threads)
     tracer.compile_render()
     started = time.perf_counter()
     with _Progress(output.name) as progress:

@@ -37,17 +37,19 @@ def find_scene(name: str | Path) -> Path:
     raise FileNotFoundError(f"there is no scene {str(name)!r}: no such file, and the ready ones are {', '.join(ready)}")
 
 
-def load_scene(path: str | Path) -> Scene:
+def load_scene(path: str | Path, **options) -> Scene:
     """A scene from a file, or a ready one by its name.
 
-    .py: what its function scene() returns. .cfg: see `warprt.cfg`. .glb and .gltf: see `warprt.gltf_scene`. Meshes
-    (.obj .ply .stl .off): an instance for each material of the file, lit and framed. Raises FileNotFoundError, or
-    ValueError that names the file and what is wrong with it.
+    .py: what its function scene(**options) returns, as in `load_scene("balls", size=5)`. .cfg: see `warprt.cfg`. .glb
+    and .gltf: see `warprt.gltf_scene`. Meshes (.obj .ply .stl .off): an instance for each material of the file, lit and
+    framed. Raises FileNotFoundError, or ValueError that names the file and what is wrong with it.
     """
     path = find_scene(path)
     suffix = path.suffix.lower()
     if suffix == ".py":
-        return _python_scene(path)
+        return _python_scene(path, options)
+    if options:
+        raise ValueError(f"{path}: only scenes in Python take options; got {', '.join(options)}")
     if suffix == ".cfg":
         return read_cfg(path)
     if suffix in gltf.SUFFIXES:
@@ -76,8 +78,8 @@ def _part(part) -> Instance:
     return Instance(mesh, material=file_material(part) or clay)
 
 
-def _python_scene(path: Path) -> Scene:
-    """What scene() of a file returns; its own folder can be imported from, as if Python ran it."""
+def _python_scene(path: Path, options: dict) -> Scene:
+    """What scene(**options) of a file returns; its own folder can be imported from, as if Python ran it."""
     path = path.resolve()
     name = f"warprt_scene_{path.stem}"
     spec = importlib.util.spec_from_file_location(name, path)
@@ -88,7 +90,7 @@ def _python_scene(path: Path) -> Scene:
         spec.loader.exec_module(module)
         if not callable(getattr(module, "scene", None)):
             raise ValueError("there is no function scene()")
-        scene = module.scene()
+        scene = module.scene(**options)
     except (Exception, SystemExit) as error:
         frames = [frame for frame in traceback.extract_tb(error.__traceback__) if frame.filename == str(path)]
         line = frames[-1].lineno if frames else getattr(error, "lineno", None)
