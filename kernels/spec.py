@@ -108,6 +108,9 @@ class Look:
     gradient_sky: bool = False
     textures: bool = False
     vertex_colors: bool = False
+    smooth_normals: bool = False
+    emission: bool = False
+    highlights: bool = False
 
     @property
     def has_shadows(self) -> bool:
@@ -117,3 +120,8 @@ class Look:
     def has_tint(self) -> bool:
         """Whether colours vary over a mesh."""
         return self.textures or self.vertex_colors
+
+    @property
+    def has_attributes(self) -> bool:
+        """Whether anything is looked up at the vertices of meshes."""
+        return self.has_tint or self.smooth_normals

@@ -387,7 +387,7 @@ def test_empty_scene(load):
 @pytest.mark.parametrize(
     "change, words",
     [
-        ({"materials": [{"name": "m", "emissiveFactor": [1, 0, 0]}]}, r"materials\[0\] 'm': emissiveFactor"),
+        ({"materials": [{"name": "m", "emissiveTexture": {"index": 0}}]}, r"materials\[0\] 'm': emissiveTexture"),
         ({"materials": [{"name": "m", "normalTexture": {"index": 0}}]}, r"materials\[0\] 'm': normalTexture"),
         ({"materials": [{"name": "m", "alphaMode": "BLEND"}]}, r"'m': alphaMode BLEND"),
         (

@@ -62,8 +62,11 @@ FEATURES = {
     "gradient_sky": ("zenith",),
     "textures": ("texel", "bilinear"),
     "vertex_colors": ("color_of",),
+    "emission": ("emission",),
+    "highlights": ("highlight", "to_eye", "shininess"),
+    "smooth_normals": ("shading_normal", "interpolated"),
 }
-OF_MESHES = ("textures", "vertex_colors")
+OF_MESHES = ("textures", "vertex_colors", "smooth_normals")
 
 
 @pytest.mark.parametrize("feature", [None, *FEATURES])

@@ -118,6 +118,9 @@ def assemble_look(scene: Scene, spec: Spec, device: wp.Device) -> tuple[Look, ob
         gradient_sky=is_gradient,
         textures=any(material.texture is not None for material in materials),
         vertex_colors=any(mesh.colors is not None for mesh in meshes),
+        smooth_normals=any(mesh.normals is not None for mesh in meshes),
+        emission=any(max(material.emission) > 0 for material in materials),
+        highlights=any(max(material.specular) > 0 for material in materials) and bool(points or suns),
     )
 
     def array(values, dtype):
@@ -132,6 +135,12 @@ def assemble_look(scene: Scene, spec: Spec, device: wp.Device) -> tuple[Look, ob
     struct.sky = scene.background.horizon if is_gradient else scene.background
     if look.mirrors:
         struct.mirror = array([material.mirror for material in materials], wp.vec3f)
+    if look.emission:
+        struct.emission = array([material.emission for material in materials], wp.vec3f)
+    if look.highlights:
+        specular = [material.lobe_factor * np.array(material.specular) for material in materials]
+        struct.specular = array(specular, wp.vec3f)
+        struct.shininess = array([material.shininess for material in materials], wp.float32)
     if is_gradient:
         struct.zenith = scene.background.zenith
     if points:
@@ -141,7 +150,7 @@ def assemble_look(scene: Scene, spec: Spec, device: wp.Device) -> tuple[Look, ob
     if suns:
         struct.sun_direction = array([light.direction for light in suns], wp.vec3d)
         struct.sun_color = array([light.color for light in suns], wp.vec3f)
-    if look.has_tint:
+    if look.has_attributes:
         attributes = [_attributes(mesh, look, device) for mesh in meshes]
         struct.attributes = wp.array(attributes, dtype=attributes_struct(look), device=device)
     if look.textures:
@@ -161,6 +170,8 @@ def _attributes(mesh: Mesh, look: Look, device: wp.Device):
         struct.uv = mesh.device_attribute("uv", device, look.spec.tier.result)
     if look.vertex_colors and mesh.colors is not None:
         struct.color = mesh.device_attribute("color", device)
+    if look.smooth_normals and mesh.normals is not None:
+        struct.normal = mesh.device_attribute("normal", device, look.spec.tier.result)
     return struct
 
 

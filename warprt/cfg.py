@@ -275,8 +275,17 @@ _STEPS: dict[str, Callable[[Transform, Any], Transform]] = {
 }
 
 
-def _material(folder, diffuse=(0.8, 0.8, 0.8), mirror=(0.0, 0.0, 0.0), texture=None):
-    return Material(diffuse, mirror, None if texture is None else Texture.from_file(folder / _text(texture, "texture")))
+def _material(
+    folder,
+    diffuse=(0.8, 0.8, 0.8),
+    mirror=(0.0, 0.0, 0.0),
+    texture=None,
+    emission=(0.0, 0.0, 0.0),
+    specular=(0.0, 0.0, 0.0),
+    shininess=50.0,
+):
+    picture = None if texture is None else Texture.from_file(folder / _text(texture, "texture"))
+    return Material(diffuse, mirror, picture, emission, specular, shininess)
 
 
 def _sphere(center=(0.0, 0.0, 0.0), radius=1.0):
@@ -307,14 +316,15 @@ def _disk(radius=1.0, center=(0.0, 0.0, 0.0)):
     return Disk(radius, center)
 
 
-def _mesh(file, folder, grid_acceleration=True, grid_resolution=None, unit_cube=True):
-    for key, value in (("grid_acceleration", grid_acceleration), ("unit_cube", unit_cube)):
+def _mesh(file, folder, grid_acceleration=True, grid_resolution=None, unit_cube=True, smooth=False):
+    for key, value in (("grid_acceleration", grid_acceleration), ("unit_cube", unit_cube), ("smooth", smooth)):
         if not isinstance(value, bool):
             raise ValueError(f"{key} must be true or false; got {value!r}")
     grid = None
     if grid_acceleration:
         grid = "auto" if grid_resolution is None else _whole(grid_resolution, "grid_resolution", 3)
     mesh = Mesh.from_file(folder / _text(file, "file"), grid=grid)
+    mesh = mesh.smooth() if smooth else mesh
     return mesh.fit_unit_cube() if unit_cube else mesh
 
 
