@@ -111,10 +111,11 @@ class Look:
     smooth_normals: bool = False
     emission: bool = False
     highlights: bool = False
+    spot_lights: bool = False
 
     @property
     def has_shadows(self) -> bool:
-        return self.point_lights or self.directional_lights
+        return self.point_lights or self.directional_lights or self.spot_lights
 
     @property
     def has_tint(self) -> bool:

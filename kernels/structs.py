@@ -414,6 +414,14 @@ def look_struct(look: Look):
             "point_color": wp.array(dtype=wp.vec3f),
             "point_falloff": wp.array(dtype=wp.bool),
         }
+    if look.spot_lights:
+        fields |= {
+            "spot_position": wp.array(dtype=wp.vec3d),
+            "spot_direction": wp.array(dtype=wp.vec3d),  # unit
+            "spot_color": wp.array(dtype=wp.vec3f),
+            "spot_cone": wp.array(dtype=wp.vec2d),  # cosines of the inner and the outer angle
+            "spot_falloff": wp.array(dtype=wp.bool),
+        }
     if look.directional_lights:
         fields |= {"sun_direction": wp.array(dtype=wp.vec3d), "sun_color": wp.array(dtype=wp.vec3f)}
     if look.has_attributes:

@@ -62,6 +62,7 @@ FEATURES = {
     "gradient_sky": ("zenith",),
     "textures": ("texel", "bilinear"),
     "vertex_colors": ("color_of",),
+    "spot_lights": ("spot_cone", "spot_share"),
     "emission": ("emission",),
     "highlights": ("highlight", "to_eye", "shininess"),
     "smooth_normals": ("shading_normal", "interpolated"),

@@ -8,7 +8,7 @@ import warp as wp
 from warprt.kernels.spec import Look, ShapeKind, Spec, Tier
 from warprt.kernels.structs import attributes_struct, look_struct, mesh_struct, scene_struct, shape_struct
 
-from .lights import AmbientLight, DirectionalLight, GradientSky, PointLight
+from .lights import AmbientLight, DirectionalLight, GradientSky, PointLight, SpotLight
 from .materials import Material
 from .mesh import Mesh
 from .placements import Placements
@@ -107,6 +107,7 @@ def assemble_look(scene: Scene, spec: Spec, device: wp.Device) -> tuple[Look, ob
     """Copies materials, lights and background to a device."""
     index, materials = _material_table(scene)
     points = [light for light in scene.lights if isinstance(light, PointLight)]
+    spots = [light for light in scene.lights if isinstance(light, SpotLight)]
     suns = [light for light in scene.lights if isinstance(light, DirectionalLight)]
     is_gradient = isinstance(scene.background, GradientSky)
     meshes = [shape for shape in _distinct([item.shape for item in scene.objects]) if isinstance(shape, Mesh)]
@@ -120,7 +121,8 @@ def assemble_look(scene: Scene, spec: Spec, device: wp.Device) -> tuple[Look, ob
         vertex_colors=any(mesh.colors is not None for mesh in meshes),
         smooth_normals=any(mesh.normals is not None for mesh in meshes),
         emission=any(max(material.emission) > 0 for material in materials),
-        highlights=any(max(material.specular) > 0 for material in materials) and bool(points or suns),
+        highlights=any(max(material.specular) > 0 for material in materials) and bool(points or spots or suns),
+        spot_lights=bool(spots),
     )
 
     def array(values, dtype):
@@ -147,6 +149,13 @@ def assemble_look(scene: Scene, spec: Spec, device: wp.Device) -> tuple[Look, ob
         struct.point_position = array([light.position for light in points], wp.vec3d)
         struct.point_color = array([light.color for light in points], wp.vec3f)
         struct.point_falloff = array([light.falloff for light in points], wp.bool)
+    if spots:
+        struct.spot_position = array([light.position for light in spots], wp.vec3d)
+        struct.spot_direction = array([light.direction for light in spots], wp.vec3d)
+        struct.spot_color = array([light.color for light in spots], wp.vec3f)
+        cones = [(light.inner_deg, light.outer_deg) for light in spots]
+        struct.spot_cone = array(np.cos(np.radians(cones)), wp.vec2d)
+        struct.spot_falloff = array([light.falloff for light in spots], wp.bool)
     if suns:
         struct.sun_direction = array([light.direction for light in suns], wp.vec3d)
         struct.sun_color = array([light.color for light in suns], wp.vec3f)

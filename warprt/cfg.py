@@ -12,7 +12,7 @@ import numpy as np
 
 from .camera import Camera
 from .cameras import EquirectangularCamera, FisheyeCamera, OrthographicCamera
-from .lights import AmbientLight, DirectionalLight, GradientSky, PointLight
+from .lights import AmbientLight, DirectionalLight, GradientSky, PointLight, SpotLight
 from .materials import Material
 from .matrix_camera import MatrixCamera
 from .mesh import Mesh
@@ -180,7 +180,7 @@ class _Reader:
                 raise ValueError(f"{self.path}: there must be at most one {kind} block")
         return Scene(
             objects,
-            lights=[*settings["point_light"], *settings["directional_light"], *settings["ambient_light"]],
+            lights=[light for kind in _LIGHTS for light in settings[kind]],
             camera=cameras[0] if cameras else None,
             background=settings["background"][0] if settings["background"] else (0, 0, 0),
         )
@@ -378,6 +378,10 @@ def _point_light(position, color=(1.0, 1.0, 1.0), falloff=False):
     return PointLight(position, color, falloff)
 
 
+def _spot_light(position, direction, color=(1.0, 1.0, 1.0), inner=0.0, outer=45.0, falloff=False):
+    return SpotLight(position, direction, color, inner, outer, falloff)
+
+
 def _directional_light(direction, color=(1.0, 1.0, 1.0)):
     return DirectionalLight(direction, color)
 
@@ -401,10 +405,10 @@ _CAMERAS = {
     "equirectangular_camera": _equirectangular_camera,
     "matrix_camera": _matrix_camera,
 }
-_SETTINGS = {
-    **_CAMERAS,
+_LIGHTS = {
     "point_light": _point_light,
+    "spot_light": _spot_light,
     "directional_light": _directional_light,
     "ambient_light": _ambient_light,
-    "background": _background,
 }
+_SETTINGS = {**_CAMERAS, **_LIGHTS, "background": _background}
