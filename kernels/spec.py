@@ -112,6 +112,7 @@ class Look:
     emission: bool = False
     highlights: bool = False
     spot_lights: bool = False
+    glass: bool = False
 
     @property
     def has_shadows(self) -> bool:
@@ -126,3 +127,8 @@ class Look:
     def has_attributes(self) -> bool:
         """Whether anything is looked up at the vertices of meshes."""
         return self.has_tint or self.smooth_normals
+
+    @property
+    def has_chance(self) -> bool:
+        """Whether paths choose among ways to go on."""
+        return self.glass

@@ -380,6 +380,15 @@ def point_struct(look: Look):
 
 
 @cache
+def path_struct(look: Look):
+    """A ray from a camera, and which one it is."""
+    fields = {"o": vec3(look.spec.tier.wide), "d": vec3(look.spec.tier.wide)}
+    if look.has_chance:
+        fields |= {"pixel": wp.int32, "sample": wp.int32}
+    return make_struct("Path", fields)
+
+
+@cache
 def lit_struct(look: Look):
     """Direct light at a point, before the point's own colours."""
     fields = {"light": wp.vec3f}  # scattered evenly
@@ -405,6 +414,12 @@ def look_struct(look: Look):
         fields |= {
             "specular": wp.array(dtype=wp.vec3f),  # [materials]  times what makes a lobe of shininess reflect all
             "shininess": wp.array(dtype=wp.float32),  # [materials]
+        }
+    if look.glass:
+        fields |= {
+            "glass": wp.array(dtype=wp.vec3f),  # [materials]
+            "absorption": wp.array(dtype=wp.vec3f),  # [materials]
+            "ior": wp.array(dtype=WIDE),  # [materials]
         }
     if look.gradient_sky:
         fields["zenith"] = wp.vec3f

@@ -123,6 +123,7 @@ def assemble_look(scene: Scene, spec: Spec, device: wp.Device) -> tuple[Look, ob
         emission=any(max(material.emission) > 0 for material in materials),
         highlights=any(max(material.specular) > 0 for material in materials) and bool(points or spots or suns),
         spot_lights=bool(spots),
+        glass=any(max(material.glass) > 0 for material in materials),
     )
 
     def array(values, dtype):
@@ -143,6 +144,10 @@ def assemble_look(scene: Scene, spec: Spec, device: wp.Device) -> tuple[Look, ob
         specular = [material.lobe_factor * np.array(material.specular) for material in materials]
         struct.specular = array(specular, wp.vec3f)
         struct.shininess = array([material.shininess for material in materials], wp.float32)
+    if look.glass:
+        struct.glass = array([material.glass for material in materials], wp.vec3f)
+        struct.absorption = array([material.absorption for material in materials], wp.vec3f)
+        struct.ior = array([material.ior for material in materials], wp.float64)
     if is_gradient:
         struct.zenith = scene.background.zenith
     if points:

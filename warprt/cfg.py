@@ -283,9 +283,12 @@ def _material(
     emission=(0.0, 0.0, 0.0),
     specular=(0.0, 0.0, 0.0),
     shininess=50.0,
+    glass=(0.0, 0.0, 0.0),
+    ior=1.5,
+    absorption=(0.0, 0.0, 0.0),
 ):
     picture = None if texture is None else Texture.from_file(folder / _text(texture, "texture"))
-    return Material(diffuse, mirror, picture, emission, specular, shininess)
+    return Material(diffuse, mirror, picture, emission, specular, shininess, glass, ior, absorption)
 
 
 def _sphere(center=(0.0, 0.0, 0.0), radius=1.0):

@@ -13,7 +13,7 @@ class Material:
 
     Colours are linear RGB, or one number for grey. The shares `diffuse`, `mirror` and `specular` should not exceed 1
     together; a surface then never reflects more than it receives. Raises ValueError for a negative or non-finite
-    colour, and a shininess that is not positive.
+    colour, a shininess or refraction index that is not positive, and glass with too much beside it.
     """
 
     diffuse: ArrayLike = (0.8, 0.8, 0.8)
@@ -31,6 +31,16 @@ class Material:
     """
     shininess: float = 50.0
     """How small and bright highlights are: the exponent of the lobe, greater than 0, up to 1e6."""
+    glass: ArrayLike = (0.0, 0.0, 0.0)
+    """Share of the light that a clear boundary reflects or lets through, as Fresnel says; 1 for glass.
+
+    The side of the outward normal is air. Each sample follows one of both ways, chosen by its share, so that clear
+    pictures need `samples`; shadow rays do not pass. Not together with `mirror`, and with `diffuse` at most 1.
+    """
+    ior: float = 1.5
+    """Refraction index of glass, relative to what is around it; greater than 0."""
+    absorption: ArrayLike = (0.0, 0.0, 0.0)
+    """Of glass: light weakens by exp(-absorption * distance) inside."""
 
     def __post_init__(self):
         object.__setattr__(self, "diffuse", checks.color(self.diffuse, "Material diffuse"))
@@ -41,8 +51,24 @@ class Material:
         if not 0 < shininess <= 1e6:
             raise ValueError(f"Material shininess must be greater than 0, up to 1e6; got {shininess:g}")
         object.__setattr__(self, "shininess", shininess)
+        object.__setattr__(self, "glass", checks.color(self.glass, "Material glass"))
+        object.__setattr__(self, "absorption", checks.color(self.absorption, "Material absorption"))
+        object.__setattr__(self, "ior", checks.number(self.ior, "Material ior"))
+        if not self.ior > 0:
+            raise ValueError(f"Material ior must be greater than 0; got {self.ior:g}")
+        if any(self.glass):
+            self._check_glass()
         if not isinstance(self.texture, (Texture, type(None))):
             raise ValueError(f"Material texture must be a Texture; got {type(self.texture).__name__}")
+
+    def _check_glass(self) -> None:
+        if any(self.mirror):
+            raise ValueError(f"Material glass reflects by itself and takes no mirror; got mirror {self.mirror}")
+        if max(g + d for g, d in zip(self.glass, self.diffuse, strict=True)) > 1:
+            raise ValueError(
+                f"Material glass and diffuse must not exceed 1 together; got {self.glass} and {self.diffuse}, "
+                "clear glass has diffuse 0"
+            )
 
     @property
     def lobe_factor(self) -> float:

@@ -206,9 +206,9 @@ class Tracer:
     ) -> Image:
         """A picture of (width, height) pixels.
 
-        camera: by default the scene's, or else one that sees everything. samples: rays per pixel. max_bounces:
-        mirror reflections that are followed. outputs: names of `Image` arrays; all but colour describe what lies
-        at the pixel's centre. progress(done, total) is called now and then with counts of camera rays.
+        camera: by default the scene's, or else one that sees everything. samples: rays per pixel. max_bounces: mirror
+        reflections and boundaries of glass that are followed. outputs: names of `Image` arrays; all but colour describe
+        what lies at the pixel's centre. progress(done, total) is called now and then with counts of camera rays.
 
         Raises ValueError for sizes and counts that are not integers of at least 1 (max_bounces: 0).
         """
