@@ -1,53 +1,19 @@
-"""Light that reaches a camera along a ray: Lambert, shadow rays, mirror bounces, sky."""
+"""Light that reaches a camera along a ray: what surfaces scatter, mirrors, glass, sky."""
 
 from functools import cache
 
 import warp as wp
 
+from .chance import DIMENSIONS, chance
+from .glass import through_glass, transmitted
+from .light import make_direct
+from .smooth import make_above, make_shading_normal
 from .spec import Look, Search
 from .sphere import reflected
-from .structs import look_struct, scene_struct, vec3
+from .structs import look_struct, path_struct, point_struct, scene_struct, vec3
 from .surface import leave, make_surface
 from .tint import make_tint
 from .trace import make_trace
-
-
-@cache
-def make_lambert(look: Look):
-    """Direct light at a surface point, before its own colour. Absent lights leave no code behind."""
-    Scene, Lights = scene_struct(look.spec), look_struct(look)
-    occluded = make_trace(look.spec, Search.ANY) if look.has_shadows else None
-    has_point, has_sun = look.point_lights, look.directional_lights
-    wide, vec = look.spec.tier.wide, vec3(look.spec.tier.wide)
-
-    @wp.func
-    def lambert(scene: Scene, lights: Lights, p: vec, n: vec, offset: wide) -> wp.vec3f:
-        light = lights.ambient
-        zero = wide(0.0)
-        if wp.static(has_point):
-            for k in range(lights.point_position.shape[0]):
-                light_position = vec(lights.point_position[k])
-                to_light = light_position - p
-                squared = wp.dot(to_light, to_light)
-                cosine = wp.dot(n, to_light) / wp.sqrt(squared)
-                if cosine > zero:
-                    o = leave(p, n, offset, to_light)
-                    # The light lies at t = 1, which does not count.
-                    if occluded(scene, o, light_position - o, zero, wide(1.0)).instance < 0:
-                        color = wp.float32(cosine) * lights.point_color[k]
-                        if lights.point_falloff[k]:
-                            color = color / wp.float32(squared)
-                        light += color
-        if wp.static(has_sun):
-            for k in range(lights.sun_direction.shape[0]):
-                to_sun = -vec(lights.sun_direction[k])
-                cosine = wp.dot(n, to_sun)
-                if cosine > zero:
-                    if occluded(scene, leave(p, n, offset, to_sun), to_sun, zero, wide(wp.inf)).instance < 0:
-                        light += wp.float32(cosine) * lights.sun_color[k]
-        return light
-
-    return lambert
 
 
 @cache
@@ -67,42 +33,110 @@ def make_sky(look: Look):
 
 
 @cache
+def make_scattered(look: Look):
+    """What leaves a point towards the eye, but for mirrors and glass: scattered light, highlights, its own light."""
+    Scene, Lights, Point, vec = (
+        scene_struct(look.spec),
+        look_struct(look),
+        point_struct(look),
+        vec3(look.spec.tier.wide),
+    )
+    has_emission, has_highlights, has_tint = look.emission, look.highlights, look.has_tint
+    direct = make_direct(look)
+
+    @wp.func
+    def scattered(scene: Scene, lights: Lights, p: Point, material: int, d: vec, shade: wp.vec3f) -> wp.vec3f:
+        if wp.static(has_highlights):
+            p.to_eye = -d / wp.length(d)
+            p.shininess = lights.shininess[material]
+        lit = direct(scene, lights, p)
+        light = lit.light
+        if wp.static(has_tint):
+            light = wp.cw_mul(light, shade)
+        color = wp.cw_mul(lights.diffuse[material], light)
+        if wp.static(has_highlights):
+            color += wp.cw_mul(lights.specular[material], lit.highlight)
+        if wp.static(has_emission):
+            color += lights.emission[material]
+        return color
+
+    return scattered
+
+
+@cache
 def make_radiance(look: Look):
-    """Colour seen along a ray, after up to `max_bounces` mirror reflections."""
-    Scene, Lights = scene_struct(look.spec), look_struct(look)
+    """Colour seen along a ray, after up to `max_bounces` mirror reflections and passages through glass."""
+    Scene, Lights, Path = scene_struct(look.spec), look_struct(look), path_struct(look)
     trace, surface = make_trace(look.spec, Search.CLOSEST), make_surface(look.spec)
-    lambert, sky = make_lambert(look), make_sky(look)
-    has_mirrors, has_tint = look.mirrors, look.has_tint
+    scattered, sky = make_scattered(look), make_sky(look)
+    Point, has_mirrors, has_glass, goes_on = point_struct(look), look.mirrors, look.glass, look.mirrors or look.glass
+    has_tint, is_smooth = look.has_tint, look.smooth_normals
     tint = make_tint(look) if has_tint else None
+    shading_normal, above = (make_shading_normal(look), make_above(look.spec.tier.wide)) if is_smooth else (None, None)
     wide, vec = look.spec.tier.wide, vec3(look.spec.tier.wide)
 
     @wp.func
-    def radiance(scene: Scene, lights: Lights, o: vec, d: vec, max_bounces: int) -> wp.vec3f:
+    def radiance(scene: Scene, lights: Lights, path: Path, max_bounces: int) -> wp.vec3f:
+        o, d = vec(path.o), vec(path.d)
         color = wp.vec3f()
         throughput = wp.vec3f(1.0, 1.0, 1.0)
         bounce = int(0)
+        if wp.static(has_glass):
+            medium = wp.vec3f()  # the absorption of what the ray is in
         while bounce <= max_bounces:
             hit = trace(scene, o, d, wide(0.0), wide(wp.inf))
             if hit.instance < 0:
+                if wp.static(has_glass):
+                    throughput = wp.cw_mul(throughput, transmitted(medium, wp.float32(wp.inf)))
                 return color + wp.cw_mul(throughput, sky(lights, d))
             s = surface(scene, o, d, wide(0.0), hit)
             # Surfaces are two-sided: light falls on the side that is seen.
             n = wp.where(wp.dot(s.normal, d) > wide(0.0), -s.normal, s.normal)
+            p = Point()
+            p.position = s.position
+            p.normal = n
+            p.offset = s.offset
+            if wp.static(is_smooth):
+                n = shading_normal(scene, lights, hit, s.u, s.v, n)
+                p.shading_normal = n
             material = lights.material[hit.instance]
-            light = lambert(scene, lights, s.position, n, s.offset)
+            if wp.static(has_glass):
+                is_inside, is_glass = wp.dot(s.normal, d) > wide(0.0), wp.max(lights.glass[material]) > 0.0
+                if is_glass:
+                    # Whatever the ray came through, the glass says what it is in: cameras may be inside.
+                    medium = wp.where(is_inside, lights.absorption[material], medium)
+                throughput = wp.cw_mul(throughput, transmitted(medium, wp.float32(hit.t * wp.length(d))))
+            shade = wp.vec3f(1.0, 1.0, 1.0)
             if wp.static(has_tint):
                 shade = tint(scene, lights, hit, s.u, s.v)
-                light = wp.cw_mul(light, shade)
-            color += wp.cw_mul(throughput, wp.cw_mul(lights.diffuse[material], light))
+            color += wp.cw_mul(throughput, scattered(scene, lights, p, material, d, shade))
             bounce += 1
-            if wp.static(has_mirrors):
+            if wp.static(goes_on):
                 if wp.static(has_tint):
                     throughput = wp.cw_mul(throughput, shade)
-                throughput = wp.cw_mul(throughput, lights.mirror[material])
+                share = wp.vec3f()
+                if wp.static(has_mirrors):
+                    share = lights.mirror[material]
+                if wp.static(has_glass):
+                    # A material is one or the other.
+                    share = wp.where(is_glass, lights.glass[material], share)
+                throughput = wp.cw_mul(throughput, share)
                 if wp.max(throughput) == wp.float32(0.0):
                     return color
-                d = reflected(d, n)
-                o = leave(s.position, n, s.offset, d)
+                onwards, side = reflected(d, n), vec(p.normal)
+                if wp.static(has_glass):
+                    if is_glass:
+                        ior = wide(lights.ior[material])
+                        ratio = wp.where(is_inside, ior, wide(1.0) / ior)
+                        number = wide(chance(path.pixel, path.sample, DIMENSIONS * (bounce - 1), 0))
+                        onwards = through_glass(d / wp.length(d), n, ratio, number)
+                        if wp.dot(onwards, n) < wide(0.0):
+                            side = -p.normal
+                            medium = wp.where(is_inside, wp.vec3f(), lights.absorption[material])
+                if wp.static(is_smooth):
+                    onwards = above(onwards, side)
+                d = onwards
+                o = leave(s.position, p.normal, s.offset, d)
             else:
                 return color
         return color

@@ -108,12 +108,27 @@ class Look:
     gradient_sky: bool = False
     textures: bool = False
     vertex_colors: bool = False
+    smooth_normals: bool = False
+    emission: bool = False
+    highlights: bool = False
+    spot_lights: bool = False
+    glass: bool = False
 
     @property
     def has_shadows(self) -> bool:
-        return self.point_lights or self.directional_lights
+        return self.point_lights or self.directional_lights or self.spot_lights
 
     @property
     def has_tint(self) -> bool:
         """Whether colours vary over a mesh."""
         return self.textures or self.vertex_colors
+
+    @property
+    def has_attributes(self) -> bool:
+        """Whether anything is looked up at the vertices of meshes."""
+        return self.has_tint or self.smooth_normals
+
+    @property
+    def has_chance(self) -> bool:
+        """Whether paths choose among ways to go on."""
+        return self.glass

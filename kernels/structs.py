@@ -355,7 +355,46 @@ def attributes_struct(look: Look):
         fields["uv"] = wp.array(dtype=wp.types.vector(2, look.spec.tier.result))  # [vertices]
     if look.vertex_colors:
         fields["color"] = wp.array(dtype=wp.vec3f)  # [vertices], or none
+    if look.smooth_normals:
+        fields["normal"] = wp.array(dtype=vec3(look.spec.tier.result))  # [vertices], or none
     return make_struct("Attributes", fields)
+
+
+@cache
+def point_struct(look: Look):
+    """A surface point that is to be lit, in world space."""
+    wide = look.spec.tier.wide
+    fields = {
+        "position": vec3(wide),
+        "normal": vec3(wide),  # unit, of the side that is seen
+        "offset": wide,  # as in Surface
+    }
+    if look.smooth_normals:
+        fields["shading_normal"] = vec3(wide)
+    if look.highlights:
+        fields |= {
+            "to_eye": vec3(wide),  # unit
+            "shininess": wp.float32,
+        }
+    return make_struct("Point", fields)
+
+
+@cache
+def path_struct(look: Look):
+    """A ray from a camera, and which one it is."""
+    fields = {"o": vec3(look.spec.tier.wide), "d": vec3(look.spec.tier.wide)}
+    if look.has_chance:
+        fields |= {"pixel": wp.int32, "sample": wp.int32}
+    return make_struct("Path", fields)
+
+
+@cache
+def lit_struct(look: Look):
+    """Direct light at a point, before the point's own colours."""
+    fields = {"light": wp.vec3f}  # scattered evenly
+    if look.highlights:
+        fields["highlight"] = wp.vec3f
+    return make_struct("Lit", fields)
 
 
 @cache
@@ -369,6 +408,19 @@ def look_struct(look: Look):
     }
     if look.mirrors:
         fields["mirror"] = wp.array(dtype=wp.vec3f)  # [materials]
+    if look.emission:
+        fields["emission"] = wp.array(dtype=wp.vec3f)  # [materials]
+    if look.highlights:
+        fields |= {
+            "specular": wp.array(dtype=wp.vec3f),  # [materials]  times what makes a lobe of shininess reflect all
+            "shininess": wp.array(dtype=wp.float32),  # [materials]
+        }
+    if look.glass:
+        fields |= {
+            "glass": wp.array(dtype=wp.vec3f),  # [materials]
+            "absorption": wp.array(dtype=wp.vec3f),  # [materials]
+            "ior": wp.array(dtype=WIDE),  # [materials]
+        }
     if look.gradient_sky:
         fields["zenith"] = wp.vec3f
     if look.point_lights:
@@ -377,9 +429,17 @@ def look_struct(look: Look):
             "point_color": wp.array(dtype=wp.vec3f),
             "point_falloff": wp.array(dtype=wp.bool),
         }
+    if look.spot_lights:
+        fields |= {
+            "spot_position": wp.array(dtype=wp.vec3d),
+            "spot_direction": wp.array(dtype=wp.vec3d),  # unit
+            "spot_color": wp.array(dtype=wp.vec3f),
+            "spot_cone": wp.array(dtype=wp.vec2d),  # cosines of the inner and the outer angle
+            "spot_falloff": wp.array(dtype=wp.bool),
+        }
     if look.directional_lights:
         fields |= {"sun_direction": wp.array(dtype=wp.vec3d), "sun_color": wp.array(dtype=wp.vec3f)}
-    if look.has_tint:
+    if look.has_attributes:
         fields["attributes"] = wp.array(dtype=attributes_struct(look))  # [meshes]
     if look.textures:
         fields |= {

@@ -44,6 +44,14 @@ def test_example_of_the_documentation(folder):
     assert (ball.material, small.shape.radius) == (None, 0.25)
 
 
+def test_mesh_can_be_smooth(folder):
+    plain, smooth = load(
+        folder, 'triangle_mesh { file = "bunny.off"; } triangle_mesh { file = "bunny.off"; smooth = true; }'
+    ).objects
+    assert plain.shape.normals is None
+    np.testing.assert_array_equal(smooth.shape.normals, plain.shape.smooth().normals)
+
+
 def test_round_shapes(folder):
     scene = load(
         folder,

@@ -366,9 +366,14 @@ def test_lights(load):
     sun = {"type": "directional", "intensity": 2}
     (sun,) = load(light_glb(sun, rotation=[np.sin(np.pi / 4), 0, 0, np.cos(np.pi / 4)], scale=[2, 2, 2])).lights
     np.testing.assert_allclose(sun.direction, [0, 1, 0], atol=1e-15)
-    with pytest.warns(UserWarning, match="'lamp': a spot"):
-        (spot,) = load(light_glb({"type": "spot", "spot": {}}, translation=[1, 2, 3])).lights
-    assert isinstance(spot, rt.PointLight)
+    (spot,) = load(light_glb({"type": "spot", "spot": {}}, translation=[1, 2, 3])).lights
+    assert isinstance(spot, rt.SpotLight) and spot.falloff
+    assert (spot.direction.tolist(), spot.inner_deg, spot.outer_deg) == ([0, 0, -1], 0, 45)
+    right = {"innerConeAngle": 0.5, "outerConeAngle": 1.5707964}  # a right angle in float32
+    (spot,) = load(light_glb({"type": "spot", "spot": right})).lights
+    assert (spot.inner_deg, spot.outer_deg) == (np.degrees(0.5), 90)
+    with pytest.raises(ValueError, match="inner_deg"):
+        load(light_glb({"type": "spot", "spot": {"innerConeAngle": 1}}))
     with pytest.warns(UserWarning, match="'lamp': range"):
         load(light_glb({"type": "point", "range": 3}))
     with pytest.raises(ValueError, match=r"lights\[0\] 'lamp': type"):
@@ -387,7 +392,7 @@ def test_empty_scene(load):
 @pytest.mark.parametrize(
     "change, words",
     [
-        ({"materials": [{"name": "m", "emissiveFactor": [1, 0, 0]}]}, r"materials\[0\] 'm': emissiveFactor"),
+        ({"materials": [{"name": "m", "emissiveTexture": {"index": 0}}]}, r"materials\[0\] 'm': emissiveTexture"),
         ({"materials": [{"name": "m", "normalTexture": {"index": 0}}]}, r"materials\[0\] 'm': normalTexture"),
         ({"materials": [{"name": "m", "alphaMode": "BLEND"}]}, r"'m': alphaMode BLEND"),
         (

@@ -58,12 +58,17 @@ def test_points_and_normals_leave_no_code_behind_unless_asked_for(tmp_path):
 FEATURES = {
     "point_lights": ("point_position",),
     "directional_lights": ("sun_direction",),
-    "mirrors": ("reflected", "mirror"),
+    "mirrors": ("mirror",),
     "gradient_sky": ("zenith",),
     "textures": ("texel", "bilinear"),
     "vertex_colors": ("color_of",),
+    "spot_lights": ("spot_cone", "spot_share"),
+    "glass": ("through_glass", "absorption", "chance", "transmitted"),
+    "emission": ("emission",),
+    "highlights": ("highlight", "to_eye", "shininess"),
+    "smooth_normals": ("shading_normal", "interpolated"),
 }
-OF_MESHES = ("textures", "vertex_colors")
+OF_MESHES = ("textures", "vertex_colors", "smooth_normals")
 
 
 @pytest.mark.parametrize("feature", [None, *FEATURES])
@@ -76,6 +81,7 @@ def test_absent_features_of_shading_leave_no_code_behind(feature, tmp_path):
         for word in words:
             assert (word in text) == (name == feature)
     assert ("attributes" in text) == (feature in OF_MESHES)
+    assert ("reflected" in text) == (feature in ("mirrors", "glass"))
 
 
 @pytest.mark.parametrize("projection", list(Projection))

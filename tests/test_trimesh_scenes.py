@@ -207,11 +207,12 @@ def test_camera_and_lights():
     scene.graph.update(frame_to="sun", matrix=rotation_matrix(np.pi / 2, [1, 0, 0]))
     with pytest.warns(UserWarning) as caught:
         result = rt.Scene.from_trimesh(scene)
-    assert ["spot" in str(warning.message) for warning in caught] == [True, True]
+    assert ["spot" in str(warning.message) for warning in caught] == [True]  # its radius
     assert result.camera.fov_deg == 40
     np.testing.assert_array_equal(result.camera.position, [0, 0, 5])
     np.testing.assert_allclose(result.camera.frame()[2], [-1, 0, 0], atol=1e-15)
-    lamp, sun, _ = result.lights
+    lamp, sun, spot = result.lights
+    assert (type(spot), spot.inner_deg, spot.outer_deg) == (rt.SpotLight, 0, 45)
     np.testing.assert_array_equal(lamp.position, [1, 2, 8])
     assert lamp.falloff and lamp.color == (4, 0, 0.8) and sun.color == (2, 2, 2)
     np.testing.assert_allclose(sun.direction, [0, 1, 0], atol=1e-15)

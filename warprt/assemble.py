@@ -8,7 +8,7 @@ import warp as wp
 from warprt.kernels.spec import Look, ShapeKind, Spec, Tier
 from warprt.kernels.structs import attributes_struct, look_struct, mesh_struct, scene_struct, shape_struct
 
-from .lights import AmbientLight, DirectionalLight, GradientSky, PointLight
+from .lights import AmbientLight, DirectionalLight, GradientSky, PointLight, SpotLight
 from .materials import Material
 from .mesh import Mesh
 from .placements import Placements
@@ -108,6 +108,7 @@ def assemble_look(scene: Scene, spec: Spec, device: wp.Device) -> tuple[Look, ob
     """Copies materials, lights and background to a device."""
     index, materials = _material_table(scene)
     points = [light for light in scene.lights if isinstance(light, PointLight)]
+    spots = [light for light in scene.lights if isinstance(light, SpotLight)]
     suns = [light for light in scene.lights if isinstance(light, DirectionalLight)]
     is_gradient = isinstance(scene.background, GradientSky)
     meshes = [shape for shape in _distinct([item.shape for item in scene.objects]) if isinstance(shape, Mesh)]
@@ -119,6 +120,11 @@ def assemble_look(scene: Scene, spec: Spec, device: wp.Device) -> tuple[Look, ob
         gradient_sky=is_gradient,
         textures=any(material.texture is not None for material in materials),
         vertex_colors=any(mesh.colors is not None for mesh in meshes),
+        smooth_normals=any(mesh.normals is not None for mesh in meshes),
+        emission=any(max(material.emission) > 0 for material in materials),
+        highlights=any(max(material.specular) > 0 for material in materials) and bool(points or spots or suns),
+        spot_lights=bool(spots),
+        glass=any(max(material.glass) > 0 for material in materials),
     )
 
     def array(values, dtype):
@@ -133,16 +139,33 @@ def assemble_look(scene: Scene, spec: Spec, device: wp.Device) -> tuple[Look, ob
     struct.sky = scene.background.horizon if is_gradient else scene.background
     if look.mirrors:
         struct.mirror = array([material.mirror for material in materials], wp.vec3f)
+    if look.emission:
+        struct.emission = array([material.emission for material in materials], wp.vec3f)
+    if look.highlights:
+        specular = [material.lobe_factor * np.array(material.specular) for material in materials]
+        struct.specular = array(specular, wp.vec3f)
+        struct.shininess = array([material.shininess for material in materials], wp.float32)
+    if look.glass:
+        struct.glass = array([material.glass for material in materials], wp.vec3f)
+        struct.absorption = array([material.absorption for material in materials], wp.vec3f)
+        struct.ior = array([material.ior for material in materials], wp.float64)
     if is_gradient:
         struct.zenith = scene.background.zenith
     if points:
         struct.point_position = array([light.position for light in points], wp.vec3d)
         struct.point_color = array([light.color for light in points], wp.vec3f)
         struct.point_falloff = array([light.falloff for light in points], wp.bool)
+    if spots:
+        struct.spot_position = array([light.position for light in spots], wp.vec3d)
+        struct.spot_direction = array([light.direction for light in spots], wp.vec3d)
+        struct.spot_color = array([light.color for light in spots], wp.vec3f)
+        cones = [(light.inner_deg, light.outer_deg) for light in spots]
+        struct.spot_cone = array(np.cos(np.radians(cones)), wp.vec2d)
+        struct.spot_falloff = array([light.falloff for light in spots], wp.bool)
     if suns:
         struct.sun_direction = array([light.direction for light in suns], wp.vec3d)
         struct.sun_color = array([light.color for light in suns], wp.vec3f)
-    if look.has_tint:
+    if look.has_attributes:
         attributes = [_attributes(mesh, look, device) for mesh in meshes]
         struct.attributes = wp.array(attributes, dtype=attributes_struct(look), device=device)
     if look.textures:
@@ -162,6 +185,8 @@ def _attributes(mesh: Mesh, look: Look, device: wp.Device):
         struct.uv = mesh.device_attribute("uv", device, look.spec.tier.result)
     if look.vertex_colors and mesh.colors is not None:
         struct.color = mesh.device_attribute("color", device)
+    if look.smooth_normals and mesh.normals is not None:
+        struct.normal = mesh.device_attribute("normal", device, look.spec.tier.result)
     return struct
 
 

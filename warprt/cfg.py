@@ -12,7 +12,7 @@ import numpy as np
 
 from .camera import Camera
 from .cameras import EquirectangularCamera, FisheyeCamera, OrthographicCamera
-from .lights import AmbientLight, DirectionalLight, GradientSky, PointLight
+from .lights import AmbientLight, DirectionalLight, GradientSky, PointLight, SpotLight
 from .materials import Material
 from .matrix_camera import MatrixCamera
 from .mesh import Mesh
@@ -180,7 +180,7 @@ class _Reader:
                 raise ValueError(f"{self.path}: there must be at most one {kind} block")
         return Scene(
             objects,
-            lights=[*settings["point_light"], *settings["directional_light"], *settings["ambient_light"]],
+            lights=[light for kind in _LIGHTS for light in settings[kind]],
             camera=cameras[0] if cameras else None,
             background=settings["background"][0] if settings["background"] else (0, 0, 0),
         )
@@ -275,8 +275,20 @@ _STEPS: dict[str, Callable[[Transform, Any], Transform]] = {
 }
 
 
-def _material(folder, diffuse=(0.8, 0.8, 0.8), mirror=(0.0, 0.0, 0.0), texture=None):
-    return Material(diffuse, mirror, None if texture is None else Texture.from_file(folder / _text(texture, "texture")))
+def _material(
+    folder,
+    diffuse=(0.8, 0.8, 0.8),
+    mirror=(0.0, 0.0, 0.0),
+    texture=None,
+    emission=(0.0, 0.0, 0.0),
+    specular=(0.0, 0.0, 0.0),
+    shininess=50.0,
+    glass=(0.0, 0.0, 0.0),
+    ior=1.5,
+    absorption=(0.0, 0.0, 0.0),
+):
+    picture = None if texture is None else Texture.from_file(folder / _text(texture, "texture"))
+    return Material(diffuse, mirror, picture, emission, specular, shininess, glass, ior, absorption)
 
 
 def _sphere(center=(0.0, 0.0, 0.0), radius=1.0):
@@ -307,14 +319,15 @@ def _disk(radius=1.0, center=(0.0, 0.0, 0.0)):
     return Disk(radius, center)
 
 
-def _mesh(file, folder, grid_acceleration=True, grid_resolution=None, unit_cube=True):
-    for key, value in (("grid_acceleration", grid_acceleration), ("unit_cube", unit_cube)):
+def _mesh(file, folder, grid_acceleration=True, grid_resolution=None, unit_cube=True, smooth=False):
+    for key, value in (("grid_acceleration", grid_acceleration), ("unit_cube", unit_cube), ("smooth", smooth)):
         if not isinstance(value, bool):
             raise ValueError(f"{key} must be true or false; got {value!r}")
     grid = None
     if grid_acceleration:
         grid = "auto" if grid_resolution is None else _whole(grid_resolution, "grid_resolution", 3)
     mesh = Mesh.from_file(folder / _text(file, "file"), grid=grid)
+    mesh = mesh.smooth() if smooth else mesh
     return mesh.fit_unit_cube() if unit_cube else mesh
 
 
@@ -368,6 +381,10 @@ def _point_light(position, color=(1.0, 1.0, 1.0), falloff=False):
     return PointLight(position, color, falloff)
 
 
+def _spot_light(position, direction, color=(1.0, 1.0, 1.0), inner=0.0, outer=45.0, falloff=False):
+    return SpotLight(position, direction, color, inner, outer, falloff)
+
+
 def _directional_light(direction, color=(1.0, 1.0, 1.0)):
     return DirectionalLight(direction, color)
 
@@ -391,10 +408,10 @@ _CAMERAS = {
     "equirectangular_camera": _equirectangular_camera,
     "matrix_camera": _matrix_camera,
 }
-_SETTINGS = {
-    **_CAMERAS,
+_LIGHTS = {
     "point_light": _point_light,
+    "spot_light": _spot_light,
     "directional_light": _directional_light,
     "ambient_light": _ambient_light,
-    "background": _background,
 }
+_SETTINGS = {**_CAMERAS, **_LIGHTS, "background": _background}

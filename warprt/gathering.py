@@ -31,7 +31,7 @@ class Gathering:
     def __init__(self, keeps_order: bool = False):
         self._keeps_order, self._last = keeps_order, (-1, -1)
         self._copies: dict[tuple[int, int], _Copies] = {}
-        self._materials: dict[tuple, Material] = {}
+        self._materials: dict[Material, Material] = {}
 
     def add(self, shape: Shape, material: Material, world_from_local: np.ndarray, names: list[str]) -> None:
         """Adds a placement for each of (N, 4, 4) matrices, with its name."""
@@ -39,8 +39,7 @@ class Gathering:
         run += self._keeps_order and last_shape != id(shape)
         self._last = run, id(shape)
         copies = self._copies.setdefault(self._last, _Copies(shape))
-        key = (material.diffuse, material.mirror, id(material.texture))
-        material = self._materials.setdefault(key, material)
+        material = self._materials.setdefault(material, material)
         number = copies.numbers.setdefault(id(material), len(copies.numbers))
         copies.materials.setdefault(id(material), material)
         copies.world_from_local.append(world_from_local)

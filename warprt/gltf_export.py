@@ -13,7 +13,7 @@ from .files import require_writable
 from .gltf import SUFFIXES
 from .gltf_export_looks import Looks
 from .gltf_writer import Writer
-from .lights import AmbientLight, DirectionalLight, GradientSky
+from .lights import AmbientLight, DirectionalLight, GradientSky, SpotLight
 from .materials import Material
 from .mesh import Mesh
 from .poses import pose_along, pose_of
@@ -188,10 +188,16 @@ class _Exporter:
             record["type"] = "directional"
             pose = pose_along(light.direction)
         else:
+            if isinstance(light, SpotLight):
+                record["type"], pose = "spot", pose_along(light.direction)
+                cone = np.radians([light.inner_deg, light.outer_deg]).tolist()
+                record["spot"] = dict(zip(("innerConeAngle", "outerConeAngle"), cone, strict=True))
             pose[:3, 3] = light.position
             if not light.falloff:
                 record["extras"] = {"warprt": {"falloff": False}}
-                self.notes["a PointLight without falloff will weaken with distance in other programs"] = None
+                self.notes[f"a {type(light).__name__} without falloff will weaken with distance in other programs"] = (
+                    None
+                )
         self._lights.append(record)
         extension = {"KHR_lights_punctual": {"light": len(self._lights) - 1}}
         self._node(f"{record['type']} light", pose, {"extensions": extension})

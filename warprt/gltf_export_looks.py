@@ -1,6 +1,7 @@
 """Materials and textures on their way into a glTF file."""
 
 import io
+from dataclasses import fields, replace
 
 import numpy as np
 import PIL.Image
@@ -18,15 +19,14 @@ class Looks:
 
     def __init__(self, writer: Writer, notes: dict[str, None]):
         self._writer, self._notes = writer, notes
-        self._materials: dict[tuple, int] = {}
+        self._materials: dict[Material, int] = {}
         self._textures: dict[int, int] = {}
 
     def material(self, material: Material) -> int:
         """The number of a material in the file."""
-        key = (material.diffuse, material.mirror, id(material.texture))
-        if key not in self._materials:
-            self._materials[key] = self._writer.add("materials", self._record(material))
-        return self._materials[key]
+        if material not in self._materials:
+            self._materials[material] = self._writer.add("materials", self._record(material))
+        return self._materials[material]
 
     def _record(self, material: Material) -> dict:
         base, metallic, roughness = pbr_from_material(material)
@@ -34,9 +34,13 @@ class Looks:
         record = {"pbrMetallicRoughness": {"baseColorFactor": [*base.tolist(), 1.0], **factors}, "doubleSided": True}
         if material.texture is not None:
             record["pbrMetallicRoughness"]["baseColorTexture"] = {"index": self._texture(material.texture)}
-        again = material_from_pbr(base, metallic, roughness)
-        if (again.diffuse, again.mirror) != (material.diffuse, material.mirror):
-            record["extras"] = {"warprt": {"diffuse": material.diffuse, "mirror": material.mirror}}
+        if any(material.emission):
+            # What is brighter than 1 keeps its hue.
+            record["emissiveFactor"] = (np.array(material.emission) / max(1.0, *material.emission)).tolist()
+        again = replace(material_from_pbr(base, metallic, roughness), texture=material.texture)
+        if again != material:
+            names = [field.name for field in fields(Material) if field.name != "texture"]
+            record["extras"] = {"warprt": {name: getattr(material, name) for name in names}}
         return record
 
     def _texture(self, texture: Texture) -> int:

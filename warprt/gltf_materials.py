@@ -2,6 +2,7 @@
 
 import io
 import warnings
+from dataclasses import fields, replace
 
 import numpy as np
 import PIL.Image
@@ -55,8 +56,12 @@ class Materials:
         own = record.record("extras", {}) if isinstance(record.get("extras", {}), dict) else {}
         if "warprt" in own:
             own = own.record("warprt")
-            return Material(own.numbers("diffuse", 3), own.numbers("mirror", 3), texture)
-        return material_from_pbr(base, metallic, roughness, texture)
+            return _own_material(own, texture)
+        emission = record.numbers("emissiveFactor", 3, (0, 0, 0))
+        if "emissiveTexture" in record:
+            # It multiplies the factor, which alone would make all of the surface glow.
+            emission = np.zeros(3)
+        return replace(material_from_pbr(base, metallic, roughness, texture), emission=emission)
 
     def _note(self, record: Record) -> None:
         """Notes what our materials have no word for."""
@@ -71,8 +76,6 @@ class Materials:
         ):
             if key in part:
                 document.note(f"{record.name}: {key} is not understood and left out")
-        if record.numbers("emissiveFactor", 3, (0, 0, 0)).any():
-            document.note(f"{record.name}: emissiveFactor is not understood; the surface gives no light")
         mode = record.text("alphaMode", "OPAQUE")
         if mode != "OPAQUE":
             document.note(f"{record.name}: alphaMode {mode} is not understood; the surface is opaque")
@@ -128,3 +131,13 @@ def decoded(data: bytes, name: str) -> np.ndarray:
         # Readers of Pillow fail in many ways on broken files.
         reason = " ".join(f"{type(error).__name__}: {error}".split())
         raise ValueError(f"{name}: cannot read the picture: {reason}") from None
+
+
+def _own_material(own: Record, texture: Texture | None) -> Material:
+    """A material of which a file of ours says everything; an older one, less."""
+    values = {"texture": texture}
+    for field in fields(Material):
+        if field.name in own:
+            is_number = isinstance(field.default, float)
+            values[field.name] = own.number(field.name) if is_number else own.numbers(field.name, 3)
+    return Material(**values)

@@ -20,7 +20,7 @@ from .gltf import Document
 from .gltf_meshes import Meshes
 from .gltf_nodes import copies, walk
 from .json_record import Record
-from .lights import AmbientLight, DirectionalLight, GradientSky, PointLight, daylight
+from .lights import AmbientLight, DirectionalLight, GradientSky, PointLight, SpotLight, daylight
 from .poses import view_of
 from .scene import Scene
 from .shape_records import shape_from_extras
@@ -99,7 +99,9 @@ def _title(node: Record) -> str:
     return name if isinstance(name, str) and name else node.name
 
 
-def _light(document: Document, node: Record, number: int, world_from_node: np.ndarray) -> PointLight | DirectionalLight:
+def _light(
+    document: Document, node: Record, number: int, world_from_node: np.ndarray
+) -> PointLight | SpotLight | DirectionalLight:
     lights = document.root.record("extensions", {}).record("KHR_lights_punctual", {}).records("lights")
     if number >= len(lights):
         raise ValueError(f"{node.name} refers to lights[{number}]; there are {len(lights)}")
@@ -111,16 +113,24 @@ def _light(document: Document, node: Record, number: int, world_from_node: np.nd
         raise ValueError(f"{light.name}: type must be point, spot or directional; got {kind!r}")
     if "range" in light:
         document.note(f"{light.name}: range is not understood; the light reaches everywhere")
-    if kind == "spot":
-        document.note(f"{light.name}: a spot is not understood; it shines to all sides, as a point light")
     try:
         if kind == "directional":
             return DirectionalLight(-world_from_node[:3, 2], color)
         extras = light.get("extras", {})
         own = Record(extras.get("warprt", {}) if isinstance(extras, dict) else {}, f"{light.name}: extras.warprt")
-        return PointLight(world_from_node[:3, 3], color, own.boolean("falloff", True))
+        position, falloff = world_from_node[:3, 3], own.boolean("falloff", True)
+        if kind == "spot":
+            return SpotLight(position, -world_from_node[:3, 2], color, *_cone(light.record("spot")), falloff)
+        return PointLight(position, color, falloff)
     except ValueError as error:
         raise ValueError(f"{node.name}: {error}") from None
+
+
+def _cone(spot: Record) -> tuple[float, float]:
+    """The inner and the outer angle in degrees."""
+    inner, outer = spot.number("innerConeAngle", 0.0), spot.number("outerConeAngle", math.pi / 4)
+    # Files round a right angle to float32, which is more than one.
+    return math.degrees(inner), min(math.degrees(outer), 90.0) if outer < 1.570797 else math.degrees(outer)
 
 
 def _first_camera(document: Document, cameras: list) -> AnyCamera | None:

@@ -38,6 +38,41 @@ class PointLight:
 
 
 @dataclass(frozen=True, eq=False)
+class SpotLight:
+    """Light from one point into a cone, with hard shadows.
+
+    Raises ValueError for a position that is not finite, a zero or non-finite direction, a negative or non-finite
+    colour, and angles that are not 0 <= inner_deg <= outer_deg <= 90 with outer_deg > 0.
+    """
+
+    position: ArrayLike
+    direction: ArrayLike
+    """Along the axis of the cone, away from the light; need not be unit."""
+    color: ArrayLike = (1.0, 1.0, 1.0)
+    """Linear RGB, within the inner cone as of a `PointLight`."""
+    inner_deg: float = 0.0
+    """Up to this angle from the axis, light is not weakened."""
+    outer_deg: float = 45.0
+    """From this angle on, there is none. In between, it goes by the square of how far the cosine is, as in glTF."""
+    falloff: bool = False
+    """Whether light weakens with the square of the distance."""
+
+    def __post_init__(self):
+        object.__setattr__(self, "position", checks.vector(self.position, "SpotLight position"))
+        object.__setattr__(self, "direction", checks.direction(self.direction, "SpotLight direction"))
+        object.__setattr__(self, "color", checks.color(self.color, "SpotLight color"))
+        for name in ("inner_deg", "outer_deg"):
+            object.__setattr__(self, name, checks.number(getattr(self, name), f"SpotLight {name}"))
+        if not 0 <= self.inner_deg <= self.outer_deg <= 90 or self.outer_deg == 0:
+            raise ValueError(
+                f"SpotLight angles must be 0 <= inner_deg <= outer_deg <= 90, outer_deg > 0; got {self.inner_deg:g} "
+                f"and {self.outer_deg:g}"
+            )
+        if not isinstance(self.falloff, bool):
+            raise ValueError(f"SpotLight falloff must be True or False; got {self.falloff!r}")
+
+
+@dataclass(frozen=True, eq=False)
 class DirectionalLight:
     """Parallel light, as from the sun, with hard shadows.
 

@@ -29,10 +29,11 @@ hit, and a ray may stop as soon as its best hit lies before the exit of a cell.
 class Mesh:
     """Triangles that share vertices, with a uniform grid over them.
 
-    vertices: (V, 3) finite numbers, in scene units. faces: (F, 3) integers, indices into the vertices. normals
-    (V, 3) are kept for shading. uvs: (V, 2) finite texture coordinates, see `Texture`. colors: (V, 3) linear RGB, not
-    negative, which multiplies what the material says. Both are interpolated over a face by barycentric weights. grid:
-    "auto", cells (nx, ny, nz), or None for no grid.
+    vertices: (V, 3) finite numbers, in scene units. faces: (F, 3) integers, indices into the vertices. normals: (V, 3)
+    finite vectors of any length, by which pictures are shaded as if the mesh were smooth; hits keep the normals of
+    faces. uvs: (V, 2) finite texture coordinates, see `Texture`. colors: (V, 3) linear RGB, not negative, which
+    multiplies what the material says. All three are interpolated over a face by barycentric weights. grid: "auto",
+    cells (nx, ny, nz), or None for no grid.
 
     Faces without area are never hit; vertices without a face are ignored. Raises ValueError for an empty mesh,
     indices out of range, non-finite values and wrong shapes.
@@ -104,6 +105,15 @@ class Mesh:
         vertices = (self.vertices / 2 - lower / 2) / (side if side > 0 else 0.5)
         return Mesh(vertices, self.faces, self.normals, self.uvs, self.grid, self.colors)
 
+    def smooth(self) -> "Mesh":
+        """A copy with normals at its vertices, by which it is shaded as one smooth surface.
+
+        The normal of a vertex is the mean of those of the faces around it, each by its angle there (Thuermer &
+        Wuethrich 1998), so that it does not depend on how the surface is cut into triangles. Vertices at one place
+        share theirs.
+        """
+        return Mesh(self.vertices, self.faces, _vertex_normals(self), self.uvs, self.grid, self.colors)
+
     def with_grid(self, grid: str | tuple[int, int, int] | None) -> "Mesh":
         """A copy, which shares vertices and faces, with another grid. Raises ValueError for a grid that is none."""
         copy = object.__new__(Mesh)
@@ -130,6 +140,7 @@ class Mesh:
         self._vertices, self._device_vertices, self.normals = host, on_device, None
         self.__dict__.pop("bounds", None)
         self._device_copies.clear()
+        self._device_attributes = {key: value for key, value in self._device_attributes.items() if key[0] != "normal"}
         self.version += 1
 
     def __len__(self) -> int:
@@ -146,7 +157,7 @@ class Mesh:
         return wp.array(self.faces.ravel(), dtype=wp.int32, device=device, copy=False)
 
     def device_attribute(self, name: str, device: wp.Device, real: type = wp.float32) -> wp.array:
-        """On a device, made once: "face" int32 [3 F], "uv" vec2 [V] of that real, or "color" vec3f [V]."""
+        """On a device, made once: "face" int32 [3 F]; "uv" vec2 or "normal" vec3, unit, of that real; "color" vec3f."""
         key = (name, device.alias, real)
         if key not in self._device_attributes:
             self._device_attributes[key] = self._make_attribute(name, device, real)
@@ -155,6 +166,8 @@ class Mesh:
     def _make_attribute(self, name: str, device: wp.Device, real: type) -> wp.array:
         if name == "face":
             return self._device_faces(device)
+        if name == "normal":
+            return wp.array(_unit_rows(self.normals), dtype=wp.types.vector(3, real), device=device)
         # Beyond 2^53, to which they are cut off so that nothing overflows, all floats are whole and even.
         largest = 2.0**100
         values = np.clip(self.uvs if name == "uv" else self.colors, -largest, largest)
@@ -246,6 +259,34 @@ def _joined(parts: list[Mesh]) -> Mesh:
         grid=parts[0].grid,
         colors=np.concatenate(colors) if any(part.colors is not None for part in parts) else None,
     )
+
+
+def _unit_rows(vectors: np.ndarray) -> np.ndarray:
+    """(N, 3) of length 1; those of length 0 stay."""
+    largest = np.abs(vectors).max(axis=1, keepdims=True)
+    scaled = np.divide(vectors, largest, out=np.zeros(vectors.shape), where=largest > 0)
+    length = np.sqrt((scaled**2).sum(axis=1, keepdims=True))
+    return np.divide(scaled, length, out=scaled, where=length > 0)
+
+
+def _vertex_normals(mesh: Mesh) -> np.ndarray:
+    """(V, 3) unit, weighted by angles; 0 where no face with an area is."""
+    lower, upper = mesh.bounds
+    side = (upper / 2 - lower / 2).max()
+    # About 1, so that no product overflows; vertices that no face uses may.
+    with np.errstate(over="ignore", invalid="ignore"):
+        points = (mesh.vertices / 2 - lower / 2) / (side if side > 0 else 1.0)
+    _places, place = np.unique(mesh.vertices + 0.0, axis=0, return_inverse=True)  # -0.0 is 0
+    place = place.reshape(-1)
+    corners = points[mesh.faces]
+    edges = _unit_rows((np.roll(corners, -1, axis=1) - corners).reshape(-1, 3)).reshape(-1, 3, 3)
+    normals = _unit_rows(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]))
+    cosines = -(edges * np.roll(edges, 1, axis=1)).sum(axis=2)
+    angles = np.arccos(np.clip(cosines, -1, 1))
+    total = np.zeros((len(points), 3))
+    for k in range(3):
+        np.add.at(total, place[mesh.faces[:, k]], angles[:, k, None] * normals)
+    return _unit_rows(total)[place]
 
 
 def _rows(value: ArrayLike, width: int, name: str, count: int | None = None) -> np.ndarray:

@@ -18,6 +18,7 @@ from .cameras import CAMERAS, AnyCamera
 from .hits import BRIEF, Hits, by_parts, field_names, field_types, hit_arrays
 from .image import Image, output_names
 from .launch import default_threads, launch, launch_packets, load
+from .mesh import Mesh
 from .rays import BYTES, RayPart, Rays, as_directions, as_rays
 from .scene import Scene
 from .typing import Array, ArrayLike
@@ -79,6 +80,7 @@ class Tracer:
         self._real = tier.result
         self._device_scene = assemble(scene, tier, self.device, accelerator == "grid")
         self._look: tuple | None = None
+        self._look_normals: list[bool] = []
 
     def __repr__(self) -> str:
         return f"Tracer({self.scene.instance_count} instances, {self.accuracy}, {self.device.alias})"
@@ -205,9 +207,9 @@ class Tracer:
     ) -> Image:
         """A picture of (width, height) pixels.
 
-        camera: by default the scene's, or else one that sees everything. samples: rays per pixel. max_bounces:
-        mirror reflections that are followed. outputs: names of `Image` arrays; all but colour describe what lies
-        at the pixel's centre. progress(done, total) is called now and then with counts of camera rays.
+        camera: by default the scene's, or else one that sees everything. samples: rays per pixel. max_bounces: mirror
+        reflections and boundaries of glass that are followed. outputs: names of `Image` arrays; all but colour describe
+        what lies at the pixel's centre. progress(done, total) is called now and then with counts of camera rays.
 
         Raises ValueError for sizes and counts that are not integers of at least 1 (max_bounces: 0).
         """
@@ -238,8 +240,11 @@ class Tracer:
         load(self._render_kernel(camera.projection), self.device)
 
     def _render_kernel(self, projection: Projection) -> wp.Kernel:
-        if self._look is None:
+        # Normals of a mesh go when it is updated.
+        has_normals = [isinstance(shape, Mesh) and shape.normals is not None for shape in self._device_scene.shapes]
+        if self._look is None or self._look_normals != has_normals:
             self._look = assemble_look(self.scene, self._device_scene.spec, self.device)
+            self._look_normals = has_normals
         return make_render(self._look[0], projection)
 
     def _render_color(self, camera, width, height, samples, max_bounces, progress) -> np.ndarray:

@@ -7,7 +7,7 @@ import PIL.Image
 
 from .gltf_export_looks import srgb_pixels
 from .image import srgb
-from .lights import AmbientLight, DirectionalLight
+from .lights import AmbientLight, DirectionalLight, SpotLight
 from .materials import Material
 from .mesh import Mesh
 from .pbr import pbr_from_material
@@ -136,10 +136,15 @@ class _Exporter:
             made = lighting.DirectionalLight(f"directional light {number}", color, intensity)
             pose = pose_along(light.direction)
         else:
-            made = lighting.PointLight(f"point light {number}", color, intensity)
+            if isinstance(light, SpotLight):
+                cone = {"innerConeAngle": np.radians(light.inner_deg), "outerConeAngle": np.radians(light.outer_deg)}
+                made = lighting.SpotLight(f"spot light {number}", color, intensity, **cone)
+                pose = pose_along(light.direction)
+            else:
+                made = lighting.PointLight(f"point light {number}", color, intensity)
             pose[:3, 3] = light.position
             if not light.falloff:
-                self.notes["a PointLight without falloff weakens with distance in trimesh"] = None
+                self.notes[f"a {type(light).__name__} without falloff weakens with distance in trimesh"] = None
         self.result.graph[made.name] = pose
         return made
 

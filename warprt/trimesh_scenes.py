@@ -13,7 +13,7 @@ import numpy as np
 
 from .camera import Camera
 from .gathering import Gathering
-from .lights import DirectionalLight, PointLight, daylight
+from .lights import DirectionalLight, PointLight, SpotLight, daylight
 from .mesh_store import MeshStore
 from .poses import view_of
 from .scene import Scene, Shape
@@ -111,26 +111,27 @@ class _Reader:
         except ValueError as error:
             raise ValueError(f"camera {camera.name!r}: {error}") from None
 
-    def _lights(self) -> list[PointLight | DirectionalLight]:
+    def _lights(self) -> list[PointLight | SpotLight | DirectionalLight]:
         # Not `scene.lights`, which adds lights where there are none.
         lights = getattr(self._scene, "_lights", None) or []
         if all(tuple(light.color) == AUTOMATIC and light.intensity == 1 for light in lights):
             return []
         return [self._light(light) for light in lights]
 
-    def _light(self, light) -> PointLight | DirectionalLight:
+    def _light(self, light) -> PointLight | SpotLight | DirectionalLight:
         kind = type(light).__name__
         if kind not in ("PointLight", "SpotLight", "DirectionalLight"):
             raise ValueError(f"light {light.name!r} is a {kind}, which is not understood")
         pose = self._poses.world_from_node(light.name) if light.name in self._scene.graph else np.eye(4)
         color = np.asarray(light.color[:3], np.float64) / 255 * light.intensity
-        if kind == "SpotLight":
-            self._notes[f"the light {light.name!r} is a spot; it shines to all sides, as a point light"] = None
         if light.radius is not None:
             self._notes[f"the radius of the light {light.name!r} is not understood; it reaches everywhere"] = None
         try:
             if kind == "DirectionalLight":
                 return DirectionalLight(-pose[:3, 2], color)
+            if kind == "SpotLight":
+                cone = np.degrees([light.innerConeAngle, light.outerConeAngle])
+                return SpotLight(pose[:3, 3], -pose[:3, 2], color, *cone, falloff=True)
             return PointLight(pose[:3, 3], color, falloff=True)
         except ValueError as error:
             raise ValueError(f"light {light.name!r}: {error}") from None
