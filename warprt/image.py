@@ -8,8 +8,11 @@ import numpy as np
 import PIL.Image
 
 from .files import write_whole
+from .heat import heat_map
 
-OUTPUTS = ("color", "depth", "normal", "position", "instance_id", "primitive_id", "uv")
+EFFORT = ("cells", "tests")
+"""Counts of what the search for a pixel's hit took, drawn as heat maps."""
+OUTPUTS = ("color", "depth", "normal", "position", "instance_id", "primitive_id", "uv", "albedo", *EFFORT)
 
 
 def output_names(outputs) -> tuple[str, ...]:
@@ -57,7 +60,14 @@ class Image:
     """Arrays of shape (height, width, ...) by name; row 0 is on top.
 
     color: linear RGB float32. depth: distance along the unit ray, inf on a miss. normal, position, uv,
-    instance_id and primitive_id: those of `Hits`, at the pixel's centre.
+    instance_id and primitive_id: those of `Hits`, at the pixel's centre. albedo: linear RGB float32, the diffuse colour
+    of the surface there, with its texture and the colours of its vertices, 0 on a miss.
+
+    cells and tests: int32 counts, what it took to find the hit at the pixel's centre. cells of mesh grids looked at,
+    those jumped over left out; primitives tested: on meshes eight triangles for each block whose box the ray meets,
+    elsewhere one for each instance whose bounds it meets. An instance that was looked into before a nearer hit was
+    found counts in full, and again where it is met again, so both are at least what `Tracer.walk` finds, and `cells`
+    is equal where a ray meets but one mesh. Pictures themselves may take less: they look at rays in packets.
     """
 
     def __init__(self, arrays: dict[str, np.ndarray]):
@@ -85,8 +95,13 @@ class Image:
         return f"Image({self.size[0]} x {self.size[1]}; {', '.join(self._arrays)})"
 
     def to_pil(self, name: str | None = None) -> PIL.Image.Image:
-        """The colour as an sRGB picture of 8 bits, or another array drawn in colours; the first one by default."""
+        """The colour as an sRGB picture of 8 bits, or another array drawn in colours; the first one by default.
+
+        Counts are drawn from dark violet (0) over green to yellow (the most), with a bar that says so on the right.
+        """
         name = name or next(iter(self._arrays))
+        if name in EFFORT:
+            return heat_map(self[name])
         levels = np.rint(255 * _drawn(name, self[name])).astype(np.uint8)
         return PIL.Image.fromarray(levels)
 
@@ -110,7 +125,7 @@ class Image:
 
 def _drawn(name: str, array: np.ndarray) -> np.ndarray:
     """(height, width[, 3]) values in [0, 1] that show an array to the eye."""
-    if name == "color":
+    if name in ("color", "albedo"):
         return srgb(array)
     if name == "normal":
         return np.where(np.any(array != 0, axis=-1, keepdims=True), (array + 1) / 2, 0)
