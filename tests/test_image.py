@@ -43,6 +43,63 @@ def test_every_array_can_be_drawn(image, name):
     assert np.asarray(picture).max() > 0 or name == "uv"
 
 
+def test_exposure_and_film(image):
+    linear = image["color"].astype(float)
+    half = np.asarray(image.to_pil(exposure=0.5)).astype(float)
+    expected = np.where(linear > 0, 1.055 * (linear / 2) ** (1 / 2.4) - 0.055, 0) * 255
+    assert np.abs(half - expected).max() <= 0.51
+    steps = rt.Image({"color": np.repeat(np.geomspace(1e-4, 1e6, 50, dtype=np.float32)[None, :, None], 3, axis=2)})
+    film = np.asarray(steps.to_pil(tone="filmic"))[0, :, 0].astype(int)
+    assert (np.diff(film) >= 0).all()
+    assert film[-1] == 255
+    # Light of 1 leaves room above it: 2.54 / 3.16 as sRGB.
+    white = rt.Image({"color": np.ones((1, 1, 3), np.float32)})
+    assert np.asarray(white.to_pil(tone="filmic"))[0, 0, 0] == round(255 * (1.055 * (2.54 / 3.16) ** (1 / 2.4) - 0.055))
+
+
+@pytest.mark.parametrize("name", ["depth", "instance_id", "primitive_id"])
+def test_16_bits_can_be_read_back(image, tmp_path, name):
+    image.save(tmp_path / "a.png", name, bits=16)
+    with PIL.Image.open(tmp_path / "a.png") as picture:
+        level = np.asarray(picture).astype(float)
+        offset, scale, missing = (float(picture.text[key]) for key in ("offset", "scale", "missing"))
+    values = np.where(level > 0, offset + scale * level, missing)
+    np.testing.assert_array_equal(np.isfinite(values), np.isfinite(image[name]))
+    is_finite = np.isfinite(values)
+    # Half a step, and the rounding of offset + scale * level.
+    most = scale * 0.5001 if name == "depth" else 0
+    assert np.abs(values[is_finite] - image[name][is_finite]).max() <= most
+
+
+def test_16_bits_of_nothing_and_of_one_depth():
+    for value, level in ((np.inf, 0), (3.0, 1)):
+        picture = rt.Image({"depth": np.full((2, 2), value, np.float32)}).to_pil(bits=16)
+        assert (np.asarray(picture) == level).all()
+        assert level == 0 or float(picture.info["offset"]) + level * float(picture.info["scale"]) == value
+
+
+@pytest.mark.parametrize(
+    "options, words",
+    [
+        ({"bits": 12}, "bits must be 8 or 16"),
+        ({"name": "normal", "bits": 16}, "normal has 3 numbers"),
+        ({"exposure": 0}, "exposure must be positive"),
+        ({"exposure": float("nan")}, "exposure must be finite"),
+        ({"tone": "sepia"}, "tone must be one of srgb, filmic"),
+        ({"path": "a.jpg", "name": "depth", "bits": 16}, "a.jpg with 16 bits"),
+    ],
+)
+def test_picture_that_cannot_be_drawn_so_is_named(image, tmp_path, options, words):
+    with pytest.raises(ValueError, match=words):
+        image.save(tmp_path / options.pop("path", "a.png"), **options)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_ids_beyond_16_bits_are_named():
+    with pytest.raises(ValueError, match="goes up to 65535"):
+        rt.Image({"instance_id": np.array([[-1, 65535]], np.int32)}).to_pil(bits=16)
+
+
 def test_notebooks_get_a_png(image):
     assert PIL.Image.open(io.BytesIO(image._repr_png_())).size == (32, 24)
 
