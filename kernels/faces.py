@@ -11,6 +11,7 @@ from .rounding import from_t_min, real_above, rounding_of_sum, safe_reciprocal, 
 from .spec import Search, Spec, Tier
 from .structs import (
     crossed_struct,
+    effort_struct,
     face_hit_struct,
     face_ray_struct,
     gathered_struct,
@@ -19,7 +20,7 @@ from .structs import (
     sheared_struct,
     vec3,
 )
-from .tree_walk import make_next_slot, make_start_walk, walk_struct
+from .tree_walk import make_counted_slot, make_next_slot, make_start_walk, walk_struct
 from .triangle import shear_axes, solve_sheared, touch_sheared
 
 
@@ -261,10 +262,13 @@ def make_hit_faces(spec: Spec, search: Search):
     tier = spec.tier
     Mesh, FaceRay, FaceHit = mesh_struct(tier, spec.mesh_grid), face_ray_struct(tier), face_hit_struct(tier, search)
     try_slot, candidates = make_try_slot(spec, search), make_candidates(tier)
+    is_counted = search is Search.COUNTED
 
     @wp.func
     def try_block(mesh: Mesh, ray: FaceRay, block: int, best: FaceHit) -> FaceHit:
         left = candidates(mesh.corner, block, ray.kx, ray.ky, ray.kz, ray.ox, ray.oy, ray.oz, ray.sx, ray.sy)
+        if wp.static(is_counted):
+            best.effort.tests += 8
         while left != 0:
             best = try_slot(mesh, ray, 8 * block + lowest_lane(left), best)
             left = left & (left - 1)
@@ -296,6 +300,21 @@ def make_hit_walk(spec: Spec, search: Search):
     tier = spec.tier
     Mesh, FaceRay, FaceHit = mesh_struct(tier, True), face_ray_struct(tier), face_hit_struct(tier, search)
     Walk, next_slot, try_slot = walk_struct(tier.real), make_next_slot(tier, search), make_try_slot(spec, search)
+
+    if search is Search.COUNTED:
+        counted_slot, Effort = make_counted_slot(tier), effort_struct()
+
+        @wp.func
+        def counted_walk(meshes: wp.array(dtype=Mesh), m: int, ray: FaceRay, walk: Walk, best: FaceHit) -> FaceHit:
+            effort = Effort()
+            slot = counted_slot(walk, meshes, m, ray, best.t, effort)
+            while slot >= 0:
+                best = try_slot(meshes[m], ray, slot, best)
+                slot = counted_slot(walk, meshes, m, ray, best.t, effort)
+            best.effort = effort
+            return best
+
+        return counted_walk
 
     @wp.func
     def hit_walk(meshes: wp.array(dtype=Mesh), m: int, ray: FaceRay, walk: Walk, best: FaceHit) -> FaceHit:

@@ -69,11 +69,13 @@ class Tier(Enum):
 
 
 class Search(Enum):
-    """What is asked of the surfaces that a ray meets. One body serves all three."""
+    """What is asked of the surfaces that a ray meets. One body serves all."""
 
     CLOSEST = "closest"
     ANY = "any"
     ALL = "all"
+    COUNTED = "counted"
+    """The closest, and what it took to find it."""
 
 
 @dataclass(frozen=True)

@@ -193,6 +193,8 @@ def face_hit_struct(tier: Tier, search: Search):
         fields |= {"instance": wp.int32, "gathered": gathered_struct(tier.wide)}
     else:
         fields |= {"t_world": tier.wide, "slot": wp.int32}
+        if search is Search.COUNTED:
+            fields["effort"] = effort_struct()
     return make_struct("FaceHit", fields)
 
 
@@ -200,6 +202,19 @@ def face_hit_struct(tier: Tier, search: Search):
 def hit_struct(wide):
     """Best hit over all instances. A miss has instance -1; on a mesh, the primitive is a slot of its blocks."""
     return make_struct("Hit", {"t": wide, "instance": wp.int32, "primitive": wp.int32})
+
+
+@cache
+def effort_struct():
+    """What a search has looked at so far."""
+    return make_struct("Effort", {"cells": wp.int32, "tests": wp.int32})
+
+
+@cache
+def counted_struct(wide):
+    """A hit, and what it took to find it."""
+    fields = {"t": wide, "instance": wp.int32, "primitive": wp.int32, "effort": effort_struct()}
+    return make_struct("Counted", fields)
 
 
 @cache
@@ -233,6 +248,8 @@ def gathered_struct(wide):
 
 def found_struct(wide, search: Search):
     """What a search carries along."""
+    if search is Search.COUNTED:
+        return counted_struct(wide)
     return gathered_struct(wide) if search is Search.ALL else hit_struct(wide)
 
 

@@ -64,7 +64,7 @@ def make_hit_instance(spec: Spec, search: Search):
     Scene, Ray, Hit = scene_struct(spec), world_ray_struct(wide), found_struct(wide, search)
     FaceHit = face_hit_struct(tier, search)
     enter, closer, reported_from = make_enter(spec), make_closer(spec, search), make_reported_from(tier)
-    is_any, is_all = search is Search.ANY, search is Search.ALL
+    is_any, is_all, is_counted = search is Search.ANY, search is Search.ALL, search is Search.COUNTED
     has_sphere = ShapeKind.SPHERE in spec.shapes
     has_box = ShapeKind.BOX in spec.shapes
     has_plane = ShapeKind.PLANE in spec.shapes
@@ -80,6 +80,9 @@ def make_hit_instance(spec: Spec, search: Search):
         if not local.is_hit:
             return best
         shape = scene.shape[int_at(scene.instances.shape, i)]
+        if wp.static(is_counted):
+            if shape.kind != wp.static(int(ShapeKind.MESH)):
+                best.effort.tests += 1
         if wp.static(has_sphere):
             if shape.kind == wp.static(int(ShapeKind.SPHERE)):
                 is_hit, near, far = roots_sphere(local.o, local.d, shape.upper[0])
@@ -127,6 +130,9 @@ def make_hit_instance(spec: Spec, search: Search):
                 else:
                     face.slot = -1
                     face = hit_faces(scene.mesh, shape.mesh, face_ray(local, ray.t_min, ray.t_max), face)
+                    if wp.static(is_counted):
+                        best.effort.cells += face.effort.cells
+                        best.effort.tests += face.effort.tests
                     if face.slot >= 0:
                         if wp.static(is_any):
                             best.t = wide(-wp.inf)
@@ -176,7 +182,7 @@ def was_recent(recent: wp.ref[Recent], i: int) -> bool:
 def make_trace(spec: Spec, search: Search):
     """Closest (or any) hit of a ray. A miss, and what is not a ray, has instance -1."""
     wide, vec = spec.tier.wide, vec3(spec.tier.wide)
-    Scene, Hit, look_for = scene_struct(spec), hit_struct(wide), make_search(spec, search)
+    Scene, Hit, look_for = scene_struct(spec), found_struct(wide, search), make_search(spec, search)
 
     @wp.func
     def trace(scene: Scene, o: vec, d: vec, t_min: wide, t_max: wide) -> Hit:

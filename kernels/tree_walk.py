@@ -14,6 +14,7 @@ from .generic import Struct
 from .grid import cell_of, step_of, wall_t
 from .spec import Search, Tier
 from .structs import (
+    effort_struct,
     face_ray_struct,
     grid_struct,
     instances_struct,
@@ -293,3 +294,22 @@ def make_recorded_slot(tier: Tier):
     ) -> int: ...
 
     return recorded_slot
+
+
+@cache
+def make_counted_slot(tier: Tier):
+    """As `next_slot`, but that it counts the cells it looks at, and the triangles it tests."""
+    real = tier.real
+    Walk, Mesh, FaceRay, Effort = walk_struct(real), mesh_struct(tier, True), face_ray_struct(tier), effort_struct()
+
+    @wp.func_native(_slot_code(tier, "++effort.cells;", "effort.tests += 8;"))
+    def counted_slot(
+        walk: wp.ref[Walk],
+        meshes: wp.array(dtype=Mesh),
+        m: int,
+        ray: wp.ref[FaceRay],
+        t_max: real,
+        effort: wp.ref[Effort],
+    ) -> int: ...
+
+    return counted_slot

@@ -61,6 +61,16 @@ def test_options_go_to_the_function_scene(folder):
     assert run("render", "a.py", *options) == 0
 
 
+def test_exposure_makes_it_brighter(folder):
+    for name, options in {"a": (), "b": ("--exposure", "1.5"), "c": ("--exposure", "1.5", "--tone", "filmic")}.items():
+        assert run("render", "ball.cfg", "--size", "16x12", "--device", "cpu", "-o", f"{name}.png", *options) == 0
+    means = {}
+    for name in "abc":
+        with PIL.Image.open(f"{name}.png") as picture:
+            means[name] = np.asarray(picture).mean()
+    assert means["a"] < means["b"] != means["c"]
+
+
 def test_no_clobber_refuses_to_replace(folder, capfd):
     (folder / "ball.png").write_bytes(b"mine")
     assert run("render", "ball.cfg", "--no-clobber") == 2
@@ -83,6 +93,8 @@ def test_no_clobber_refuses_to_replace(folder, capfd):
         pytest.param(("render", "ball.cfg", "--threads", "0"), "threads", id="no threads"),
         pytest.param(("render", "ball.cfg", "--max-bounces", "-1"), "max_bounces", id="bounces"),
         pytest.param(("render", "ball.cfg", "--outputs", "colour"), "colour", id="unknown output"),
+        pytest.param(("render", "ball.cfg", "--exposure", "-1"), "exposure must be positive", id="exposure"),
+        pytest.param(("render", "ball.cfg", "--tone", "sepia"), "tone must be one of", id="tone"),
         pytest.param(("render", "ball.cfg", "-o", "none/x.png"), "no folder", id="no folder"),
         pytest.param(("render", "ball.cfg", "-o", "x.xyz"), "suffix", id="unknown suffix"),
         pytest.param(("render", "ball.cfg", "-o", ".."), "a folder", id="output is a folder"),

@@ -10,6 +10,7 @@ import warp as wp
 
 import warprt as rt
 from warprt.kernels.cast import make_cast, make_cast_packets, make_occluded, make_occluded_packets, make_spawn
+from warprt.kernels.pixels import make_albedo, make_effort
 from warprt.kernels.render import make_render
 from warprt.kernels.spec import Look, Projection, ShapeKind, Spec, Tier
 from warprt.kernels.walk import make_walk_cells
@@ -45,6 +46,8 @@ def test_absent_shapes_leave_no_code_behind(kind, tier, tmp_path):
     for other in ShapeKind:
         assert (WORDS[other] in text) == (other == kind)
     assert ("corner" in text) == (kind == ShapeKind.MESH)
+    # What counts cells and tests is in a kernel of its own.
+    assert "effort" not in text.lower()
 
 
 def test_points_and_normals_leave_no_code_behind_unless_asked_for(tmp_path):
@@ -82,6 +85,7 @@ def test_absent_features_of_shading_leave_no_code_behind(feature, tmp_path):
             assert (word in text) == (name == feature)
     assert ("attributes" in text) == (feature in OF_MESHES)
     assert ("reflected" in text) == (feature in ("mirrors", "glass"))
+    assert "effort" not in text.lower()
 
 
 @pytest.mark.parametrize("projection", list(Projection))
@@ -115,6 +119,8 @@ KERNELS = {
     "spawn": lambda: make_spawn(ALL),
     "walk": lambda: make_walk_cells(ALL),
     "render": lambda: make_render(Look(ALL, **EVERYTHING)),
+    "albedo": lambda: make_albedo(Look(ALL, **EVERYTHING)),
+    "effort": lambda: make_effort(replace(ALL, shapes=frozenset([ShapeKind.MESH, ShapeKind.BOX]))),
     "packets": lambda: make_cast_packets(MESHES),
     "occluded packets": lambda: make_occluded_packets(MESHES),
 }

@@ -14,7 +14,7 @@ import warp as wp
 from . import launch
 from ._version import __version__
 from .files import require_writable
-from .image import OUTPUTS, file_kind
+from .image import OUTPUTS, TONES, checked_look, file_kind
 from .scene_files import find_scene, load_scene, ready_scenes
 from .tracer import ACCELERATORS, TIERS, Tracer
 
@@ -87,6 +87,8 @@ def _parser() -> _Parser:
     render.add_argument("--threads", type=int, metavar="N", help="CPU threads; default: all cores")
     render.add_argument("--accelerator", default="grid", metavar="A", help=" or ".join(ACCELERATORS))
     render.add_argument("--outputs", default="color", metavar="NAMES", help=f"of {','.join(OUTPUTS)}")
+    render.add_argument("--exposure", type=float, default=1.0, metavar="X", help="factor of the light; default 1")
+    render.add_argument("--tone", default="srgb", metavar="T", help=f"{' or '.join(TONES)}; default srgb")
     render.add_argument("--no-clobber", action="store_true", help="refuse to replace a file")
     render.set_defaults(run=_render)
     bench = commands.add_parser("bench", help="measure against wp.Mesh and Embree")
@@ -174,6 +176,7 @@ def _render(options: argparse.Namespace) -> None:
     path = find_scene(options.scene)
     output = Path(options.output or f"{path.stem}.png")
     outputs = tuple(options.outputs.split(","))
+    checked_look(options.exposure, options.tone)
     data = output.with_suffix(".npz") if outputs != ("color",) else None
     for file in {output, data} - {None}:
         # Before the work is done, not after.
@@ -193,7 +196,7 @@ def _render(options: argparse.Namespace) -> None:
             progress=progress,
         )
     seconds = time.perf_counter() - started
-    image.save(output)
+    image.save(output, exposure=options.exposure, tone=options.tone)
     if data is not None and data != output:
         image.save(data)
     rays = options.size[0] * options.size[1] * options.samples

@@ -7,6 +7,7 @@ import numpy as np
 import warp as wp
 
 from warprt.kernels.cast import make_cast, make_cast_packets, make_occluded, make_occluded_packets, make_spawn
+from warprt.kernels.pixels import make_albedo, make_effort
 from warprt.kernels.render import make_render
 from warprt.kernels.spec import Projection, Tier
 
@@ -16,7 +17,7 @@ from .assemble import assemble, assemble_look
 from .camera import Camera
 from .cameras import CAMERAS, AnyCamera
 from .hits import BRIEF, Hits, by_parts, field_names, field_types, hit_arrays
-from .image import Image, output_names
+from .image import EFFORT, Image, output_names
 from .launch import default_threads, launch, launch_packets, load
 from .mesh import Mesh
 from .rays import BYTES, RayPart, Rays, as_directions, as_rays
@@ -239,13 +240,17 @@ class Tracer:
         camera = camera or self.scene.camera or self.framing_camera()
         load(self._render_kernel(camera.projection), self.device)
 
-    def _render_kernel(self, projection: Projection) -> wp.Kernel:
+    def _looks(self) -> tuple:
+        """(compile-time choices, struct) of materials, lights and sky; ray queries do without."""
         # Normals of a mesh go when it is updated.
         has_normals = [isinstance(shape, Mesh) and shape.normals is not None for shape in self._device_scene.shapes]
         if self._look is None or self._look_normals != has_normals:
             self._look = assemble_look(self.scene, self._device_scene.spec, self.device)
             self._look_normals = has_normals
-        return make_render(self._look[0], projection)
+        return self._look
+
+    def _render_kernel(self, projection: Projection) -> wp.Kernel:
+        return make_render(self._looks()[0], projection)
 
     def _render_color(self, camera, width, height, samples, max_bounces, progress) -> np.ndarray:
         kernel = self._render_kernel(camera.projection)
@@ -261,9 +266,29 @@ class Tracer:
         return color.numpy().reshape(height, width, 3)
 
     def _render_fields(self, camera, width, height, names) -> dict[str, np.ndarray]:
-        fields = {"depth": "t"}
-        hits = self.cast(*camera.rays(width, height), outputs=[fields.get(name, name) for name in names])
-        return {name: getattr(hits, fields.get(name, name)) for name in names}
+        origins, directions = camera.rays(width, height)
+        arrays: dict[str, np.ndarray] = {}
+        if "albedo" in names:
+            arrays |= self._albedo(self._rays(origins, directions, 0.0, math.inf))
+        if not set(EFFORT).isdisjoint(names):
+            arrays |= self._effort(self._rays(origins, directions, 0.0, math.inf))
+        fields = {name: "t" if name == "depth" else name for name in names if name not in (*EFFORT, "albedo")}
+        if fields:
+            hits = self.cast(origins, directions, outputs=fields.values())
+            arrays |= {name: getattr(hits, field) for name, field in fields.items()}
+        return arrays
+
+    def _albedo(self, rays: Rays) -> dict[str, Array]:
+        look, struct = self._looks()
+        kernel = make_albedo(look)
+        return by_parts(
+            rays, {"albedo": wp.vec3f}, lambda part, fields: self._launch(kernel, part, [struct, fields["albedo"]])
+        )
+
+    def _effort(self, rays: Rays) -> dict[str, Array]:
+        kernel = make_effort(self._device_scene.spec)
+        types = dict.fromkeys(EFFORT, wp.int32)
+        return by_parts(rays, types, lambda part, fields: self._launch(kernel, part, [*fields.values()]))
 
     @staticmethod
     def _checked_size(size) -> tuple[int, int]:
