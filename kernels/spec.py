@@ -113,10 +113,11 @@ class Look:
     highlights: bool = False
     spot_lights: bool = False
     glass: bool = False
+    rectangle_lights: bool = False
 
     @property
     def has_shadows(self) -> bool:
-        return self.point_lights or self.directional_lights or self.spot_lights
+        return self.point_lights or self.directional_lights or self.spot_lights or self.rectangle_lights
 
     @property
     def has_tint(self) -> bool:
@@ -131,4 +132,4 @@ class Look:
     @property
     def has_chance(self) -> bool:
         """Whether paths choose among ways to go on."""
-        return self.glass
+        return self.glass or self.rectangle_lights
