@@ -41,5 +41,5 @@ def transmitted(absorption: wp.vec3f, distance: wp.float32):
     """Share of light that is left after a distance, by the law of Beer and Lambert."""
     # The distance may be infinite, and the absorption 0.
     most = wp.float32(1e30)
-    x = wp.min(distance, most) * absorption
-    return wp.vec3f(wp.exp(-x[0]), wp.exp(-x[1]), wp.exp(-x[2]))
+    x = wp.vec3d(wp.min(distance, most) * absorption)
+    return wp.vec3f(wp.vec3d(wp.exp(-x[0]), wp.exp(-x[1]), wp.exp(-x[2])))

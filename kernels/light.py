@@ -4,6 +4,7 @@ from functools import cache
 
 import warp as wp
 
+from .chance import DIMENSIONS, chance
 from .generic import Vec3, Wide
 from .spec import Look, Search
 from .structs import lit_struct, look_struct, point_struct, scene_struct, vec3
@@ -46,8 +47,9 @@ def make_add_light(look: Look):
                 n = p.shading_normal
             size = wp.length(half)
             if size > wide(0.0):
-                cosine = wp.float32(wp.clamp(wp.dot(n, half) / size, wide(0.0), wide(1.0)))
-                lit.highlight += wp.pow(cosine, p.shininess) * color
+                cosine = wp.clamp(wp.dot(n, half) / size, wide(0.0), wide(1.0))
+                # In float64, for large exponents; on a GPU, powers of float32 also contract products.
+                lit.highlight += wp.float32(wp.pow(wp.float64(cosine), wp.float64(p.shininess))) * color
         return lit
 
     return add_light
@@ -91,11 +93,26 @@ def spot_share(direction: Vec3, to_light: Vec3, cos_inner: Wide, cos_outer: Wide
 
 
 @cache
+def make_rectangle_position(look: Look):
+    """Where on a rectangle a sample's light comes from, in [0, 1)^2: evenly over the samples of a pixel."""
+    Point = point_struct(look)
+
+    @wp.func
+    def rectangle_position(p: Point, k: int):
+        dimension = DIMENSIONS * p.bounce + 1
+        return chance(p.pixel, p.sample, dimension, k), chance(p.pixel, p.sample, dimension + 1, k)
+
+    return rectangle_position
+
+
+@cache
 def make_direct(look: Look):
     """Direct light at a surface point. Absent lights leave no code behind."""
     Scene, Lights, Point, Lit = scene_struct(look.spec), look_struct(look), point_struct(look), lit_struct(look)
     has_point, has_spot, has_sun = look.point_lights, look.spot_lights, look.directional_lights
-    lamp = make_lamp(look) if has_point or has_spot else None
+    has_rectangle = look.rectangle_lights
+    rectangle_position = make_rectangle_position(look) if has_rectangle else None
+    lamp = make_lamp(look) if has_point or has_spot or has_rectangle else None
     occluded = make_trace(look.spec, Search.ANY) if has_sun else None
     cosine_to, add_light = (make_cosine(look), make_add_light(look)) if has_sun else (None, None)
     wide, vec = look.spec.tier.wide, vec3(look.spec.tier.wide)
@@ -116,6 +133,16 @@ def make_direct(look: Look):
                 share = spot_share(aim, position - p.position, wide(cone[0]), wide(cone[1]))
                 if share > wp.float32(0.0):
                     lit = lamp(scene, lit, p, position, share * lights.spot_color[k], lights.spot_falloff[k])
+        if wp.static(has_rectangle):
+            for k in range(lights.rectangle_corner.shape[0]):
+                x, y = rectangle_position(p, k)
+                u, v = lights.rectangle_u[k], lights.rectangle_v[k]
+                position, across = vec(lights.rectangle_corner[k] + x * u + y * v), vec(wp.cross(u, v))
+                # The cosine at the light, times its area, over pi: a white surface that sees only light is as bright.
+                away = p.position - position
+                facing = wp.dot(across, away) / (wp.length(away) * wide(wp.pi))
+                if facing > zero:
+                    lit = lamp(scene, lit, p, position, wp.float32(facing) * lights.rectangle_color[k], True)
         if wp.static(has_sun):
             for k in range(lights.sun_direction.shape[0]):
                 to_sun = -vec(lights.sun_direction[k])

@@ -70,7 +70,7 @@ def make_radiance(look: Look):
     trace, surface = make_trace(look.spec, Search.CLOSEST), make_surface(look.spec)
     scattered, sky = make_scattered(look), make_sky(look)
     Point, has_mirrors, has_glass, goes_on = point_struct(look), look.mirrors, look.glass, look.mirrors or look.glass
-    has_tint, is_smooth = look.has_tint, look.smooth_normals
+    has_tint, is_smooth, has_rectangles = look.has_tint, look.smooth_normals, look.rectangle_lights
     tint = make_tint(look) if has_tint else None
     shading_normal, above = (make_shading_normal(look), make_above(look.spec.tier.wide)) if is_smooth else (None, None)
     wide, vec = look.spec.tier.wide, vec3(look.spec.tier.wide)
@@ -99,6 +99,10 @@ def make_radiance(look: Look):
             if wp.static(is_smooth):
                 n = shading_normal(scene, lights, hit, s.u, s.v, n)
                 p.shading_normal = n
+            if wp.static(has_rectangles):
+                p.pixel = path.pixel
+                p.sample = path.sample
+                p.bounce = bounce
             material = lights.material[hit.instance]
             if wp.static(has_glass):
                 is_inside, is_glass = wp.dot(s.normal, d) > wide(0.0), wp.max(lights.glass[material]) > 0.0

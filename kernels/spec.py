@@ -115,10 +115,11 @@ class Look:
     highlights: bool = False
     spot_lights: bool = False
     glass: bool = False
+    rectangle_lights: bool = False
 
     @property
     def has_shadows(self) -> bool:
-        return self.point_lights or self.directional_lights or self.spot_lights
+        return self.point_lights or self.directional_lights or self.spot_lights or self.rectangle_lights
 
     @property
     def has_tint(self) -> bool:
@@ -133,4 +134,4 @@ class Look:
     @property
     def has_chance(self) -> bool:
         """Whether paths choose among ways to go on."""
-        return self.glass
+        return self.glass or self.rectangle_lights

@@ -393,6 +393,8 @@ def point_struct(look: Look):
             "to_eye": vec3(wide),  # unit
             "shininess": wp.float32,
         }
+    if look.rectangle_lights:
+        fields |= {"pixel": wp.int32, "sample": wp.int32, "bounce": wp.int32}  # of the path
     return make_struct("Point", fields)
 
 
@@ -453,6 +455,13 @@ def look_struct(look: Look):
             "spot_color": wp.array(dtype=wp.vec3f),
             "spot_cone": wp.array(dtype=wp.vec2d),  # cosines of the inner and the outer angle
             "spot_falloff": wp.array(dtype=wp.bool),
+        }
+    if look.rectangle_lights:
+        fields |= {
+            "rectangle_corner": wp.array(dtype=wp.vec3d),
+            "rectangle_u": wp.array(dtype=wp.vec3d),  # the edges that meet there
+            "rectangle_v": wp.array(dtype=wp.vec3d),
+            "rectangle_color": wp.array(dtype=wp.vec3f),
         }
     if look.directional_lights:
         fields |= {"sun_direction": wp.array(dtype=wp.vec3d), "sun_color": wp.array(dtype=wp.vec3f)}

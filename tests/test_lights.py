@@ -1,4 +1,4 @@
-"""Spots against closed forms."""
+"""Spots and rectangles against closed forms."""
 
 import numpy as np
 import pytest
@@ -71,3 +71,76 @@ def test_spots_survive_gltf_and_trimesh(tmp_path):
 def test_bad_spot_is_named(options, words):
     with pytest.raises(ValueError, match=words):
         rt.SpotLight(**{"position": (0, 1, 0), "direction": (0, -1, 0), **options})
+
+
+def polygon_light(corners, normal):
+    """Lambert (1760): what a white surface at the origin receives from an even polygon, of what it can at most."""
+    total = 0.0
+    for a, b in zip(corners, np.roll(corners, -1, axis=0), strict=True):
+        across = np.cross(a, b)
+        angle = np.arctan2(np.linalg.norm(across), a @ b)
+        total += angle * (across / np.linalg.norm(across)) @ normal
+    return abs(total) / (2 * np.pi)
+
+
+CENTER, EDGE_U, EDGE_V = np.array([0.5, 2, -0.3]), np.array([1.5, 0.2, 0.0]), np.array([0.1, 0.3, 2.0])
+
+
+def test_rectangle_light_is_that_of_lamberts_polygon(accuracy, device):
+    # edge_u x edge_v points down; turned over, the light goes up.
+    light = rt.RectangleLight(CENTER, EDGE_U, EDGE_V, (1, 2, 4))
+    corners = [CENTER + (i * EDGE_U + j * EDGE_V) / 2 for i, j in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
+    expected = polygon_light(corners, np.array([0, 1, 0])) * np.array([1, 2, 4])
+    color = seen(rt.Scene([FLOOR], [light]), device=device, accuracy=accuracy, samples=4096)
+    np.testing.assert_allclose(color, expected, rtol=2e-3)
+    behind = rt.RectangleLight(CENTER, EDGE_V, EDGE_U, (1, 2, 4))
+    assert seen(rt.Scene([FLOOR], [behind]), device=device, accuracy=accuracy, samples=4).max() == 0
+
+
+def test_half_of_a_rectangle_gives_half_a_shadow_and_noise_falls(device):
+    # A wall hides all of the light with x > 0 from the origin.
+    light = rt.RectangleLight((0, 2, 0), (1, 0, 0), (0, 0, 1))
+    corners = np.array([(0, 2, -0.5), (-0.5, 2, -0.5), (-0.5, 2, 0.5), (0, 2, 0.5)])
+    expected = polygon_light(corners, np.array([0, 1, 0]))
+    scene = rt.Scene([FLOOR, rt.Box((0, 0.5, -9), (9, 0.6, 9))], [light])
+    camera = rt.OrthographicCamera((0, 0.4, 0), (0, 0, 0), (0, 0, 1), height=1e-5)
+    tracer = rt.Tracer(scene, device=device)
+    errors = []
+    for samples in (4, 64, 1024):
+        color = tracer.render(camera, (12, 12), samples=samples)["color"][..., 0]
+        errors.append(np.sqrt(((color - expected) ** 2).mean()))
+    assert errors[1] < errors[0] / 4
+    assert errors[2] < errors[1] / 4
+    assert errors[2] < 0.01 * expected
+
+
+def test_rectangle_light_does_not_depend_on_tiles_or_threads(device):
+    light = rt.RectangleLight((0, 4, 0), (2, 0, 0), (0, 0, 2), 5)
+    scene = rt.Scene([FLOOR, rt.Sphere((0, 1, 0))], [light], rt.Camera((0, 2, 6)))
+    one = rt.Tracer(scene, device=device, threads=1).render(size=(211, 97), samples=7)
+    options = {"size": (211, 97), "samples": 7, "progress": lambda done, total: None}
+    tiled = rt.Tracer(scene, device=device, threads=3).render(**options)
+    np.testing.assert_array_equal(one["color"], tiled["color"])
+
+
+def test_rectangle_is_left_out_of_files_with_a_warning(tmp_path):
+    scene = rt.Scene(
+        [rt.Sphere()], [rt.RectangleLight((0, 4, 0), (2, 0, 0), (0, 0, 2)), rt.PointLight((0, 1, 0), 1, True)]
+    )
+    with pytest.warns(UserWarning, match="no RectangleLight"):
+        scene.export(tmp_path / "x.glb")
+    with pytest.warns(UserWarning, match="no RectangleLight"):
+        assert len(scene.to_trimesh().lights) == 1
+
+
+@pytest.mark.parametrize(
+    "options, words",
+    [
+        ({"edge_u": (0, 0, 3)}, r"RectangleLight edges must not be parallel; got \[0.0, 0.0, 3.0\]"),
+        ({"center": (0, float("nan"), 0)}, "RectangleLight center must be finite"),
+        ({"color": (0, -1, 0)}, "RectangleLight color must not be negative"),
+    ],
+)
+def test_bad_rectangle_is_named(options, words):
+    with pytest.raises(ValueError, match=words):
+        rt.RectangleLight(**{"center": (0, 1, 0), "edge_u": (1, 0, 0), "edge_v": (0, 0, 1), **options})

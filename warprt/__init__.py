@@ -20,6 +20,7 @@ from .lights import AmbientLight as AmbientLight
 from .lights import DirectionalLight as DirectionalLight
 from .lights import GradientSky as GradientSky
 from .lights import PointLight as PointLight
+from .lights import RectangleLight as RectangleLight
 from .lights import SpotLight as SpotLight
 from .materials import Material as Material
 from .matrix_camera import MatrixCamera as MatrixCamera

@@ -8,7 +8,7 @@ import warp as wp
 from warprt.kernels.spec import Look, ShapeKind, Spec, Tier
 from warprt.kernels.structs import attributes_struct, look_struct, mesh_struct, scene_struct, shape_struct
 
-from .lights import AmbientLight, DirectionalLight, GradientSky, PointLight, SpotLight
+from .lights import AmbientLight, DirectionalLight, GradientSky, PointLight, RectangleLight, SpotLight
 from .materials import Material
 from .mesh import Mesh
 from .placements import Placements
@@ -109,6 +109,7 @@ def assemble_look(scene: Scene, spec: Spec, device: wp.Device) -> tuple[Look, ob
     index, materials = _material_table(scene)
     points = [light for light in scene.lights if isinstance(light, PointLight)]
     spots = [light for light in scene.lights if isinstance(light, SpotLight)]
+    rectangles = [light for light in scene.lights if isinstance(light, RectangleLight)]
     suns = [light for light in scene.lights if isinstance(light, DirectionalLight)]
     is_gradient = isinstance(scene.background, GradientSky)
     meshes = [shape for shape in _distinct([item.shape for item in scene.objects]) if isinstance(shape, Mesh)]
@@ -122,8 +123,10 @@ def assemble_look(scene: Scene, spec: Spec, device: wp.Device) -> tuple[Look, ob
         vertex_colors=any(mesh.colors is not None for mesh in meshes),
         smooth_normals=any(mesh.normals is not None for mesh in meshes),
         emission=any(max(material.emission) > 0 for material in materials),
-        highlights=any(max(material.specular) > 0 for material in materials) and bool(points or spots or suns),
+        highlights=any(max(material.specular) > 0 for material in materials)
+        and bool(points or spots or rectangles or suns),
         spot_lights=bool(spots),
+        rectangle_lights=bool(rectangles),
         glass=any(max(material.glass) > 0 for material in materials),
     )
 
@@ -162,6 +165,12 @@ def assemble_look(scene: Scene, spec: Spec, device: wp.Device) -> tuple[Look, ob
         cones = [(light.inner_deg, light.outer_deg) for light in spots]
         struct.spot_cone = array(np.cos(np.radians(cones)), wp.vec2d)
         struct.spot_falloff = array([light.falloff for light in spots], wp.bool)
+    if rectangles:
+        corners = [light.center - light.edge_u / 2 - light.edge_v / 2 for light in rectangles]
+        struct.rectangle_corner = array(corners, wp.vec3d)
+        struct.rectangle_u = array([light.edge_u for light in rectangles], wp.vec3d)
+        struct.rectangle_v = array([light.edge_v for light in rectangles], wp.vec3d)
+        struct.rectangle_color = array([light.color for light in rectangles], wp.vec3f)
     if suns:
         struct.sun_direction = array([light.direction for light in suns], wp.vec3d)
         struct.sun_color = array([light.color for light in suns], wp.vec3f)

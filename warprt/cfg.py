@@ -12,7 +12,7 @@ import numpy as np
 
 from .camera import Camera
 from .cameras import EquirectangularCamera, FisheyeCamera, OrthographicCamera
-from .lights import AmbientLight, DirectionalLight, GradientSky, PointLight, SpotLight
+from .lights import AmbientLight, DirectionalLight, GradientSky, PointLight, RectangleLight, SpotLight
 from .materials import Material
 from .matrix_camera import MatrixCamera
 from .mesh import Mesh
@@ -385,6 +385,10 @@ def _spot_light(position, direction, color=(1.0, 1.0, 1.0), inner=0.0, outer=45.
     return SpotLight(position, direction, color, inner, outer, falloff)
 
 
+def _rectangle_light(center, edge_u, edge_v, color=(1.0, 1.0, 1.0)):
+    return RectangleLight(center, edge_u, edge_v, color)
+
+
 def _directional_light(direction, color=(1.0, 1.0, 1.0)):
     return DirectionalLight(direction, color)
 
@@ -411,6 +415,7 @@ _CAMERAS = {
 _LIGHTS = {
     "point_light": _point_light,
     "spot_light": _spot_light,
+    "rectangle_light": _rectangle_light,
     "directional_light": _directional_light,
     "ambient_light": _ambient_light,
 }

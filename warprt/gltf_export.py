@@ -13,7 +13,7 @@ from .files import require_writable
 from .gltf import SUFFIXES
 from .gltf_export_looks import Looks
 from .gltf_writer import Writer
-from .lights import AmbientLight, DirectionalLight, GradientSky, SpotLight
+from .lights import AmbientLight, DirectionalLight, GradientSky, RectangleLight, SpotLight
 from .materials import Material
 from .mesh import Mesh
 from .poses import pose_along, pose_of
@@ -58,7 +58,9 @@ class _Exporter:
             first += count
         self._camera()
         for light in self._scene.lights:
-            if not isinstance(light, AmbientLight):
+            if isinstance(light, RectangleLight):
+                self.notes["glTF has no RectangleLight; it is left out"] = None
+            elif not isinstance(light, AmbientLight):
                 self._light(light)
         if self._lights:
             self.writer.use("KHR_lights_punctual", {"lights": self._lights})

@@ -2,6 +2,8 @@
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from . import checks
 from .typing import ArrayLike
 
@@ -70,6 +72,31 @@ class SpotLight:
             )
         if not isinstance(self.falloff, bool):
             raise ValueError(f"SpotLight falloff must be True or False; got {self.falloff!r}")
+
+
+@dataclass(frozen=True, eq=False)
+class RectangleLight:
+    """Light from a rectangle or parallelogram, evenly to the side of edge_u x edge_v, with soft shadows.
+
+    Each sample of a pixel sees light from one point of it, so noise falls with `samples`. Rays do not see the light
+    itself. Raises ValueError for numbers that are not finite, parallel edges, and a negative or non-finite colour.
+    """
+
+    center: ArrayLike
+    edge_u: ArrayLike
+    """One whole side, from corner to corner."""
+    edge_v: ArrayLike
+    color: ArrayLike = (1.0, 1.0, 1.0)
+    """Linear RGB: the brightness of the light itself, and of a white Lambert surface that sees nothing else."""
+
+    def __post_init__(self):
+        for name in ("center", "edge_u", "edge_v"):
+            object.__setattr__(self, name, checks.vector(getattr(self, name), f"RectangleLight {name}"))
+        if not np.cross(self.edge_u, self.edge_v).any():
+            raise ValueError(
+                f"RectangleLight edges must not be parallel; got {self.edge_u.tolist()} and {self.edge_v.tolist()}"
+            )
+        object.__setattr__(self, "color", checks.color(self.color, "RectangleLight color"))
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,7 +9,7 @@ import numpy as np
 
 from . import checks
 from .cameras import CAMERAS, AnyCamera
-from .lights import AmbientLight, DirectionalLight, GradientSky, PointLight, SpotLight
+from .lights import AmbientLight, DirectionalLight, GradientSky, PointLight, RectangleLight, SpotLight
 from .materials import Material
 from .mesh import Mesh
 from .shapes import Box, Capsule, Cone, Cylinder, Disk, Plane, Sphere
@@ -18,7 +18,7 @@ from .typing import ArrayLike, Placement
 
 Shape: TypeAlias = Sphere | Box | Plane | Mesh | Cylinder | Cone | Capsule | Disk
 SHAPES = (Sphere, Box, Plane, Mesh, Cylinder, Cone, Capsule, Disk)
-LIGHTS = (AmbientLight, PointLight, SpotLight, DirectionalLight)
+LIGHTS = (AmbientLight, PointLight, SpotLight, RectangleLight, DirectionalLight)
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,7 +99,7 @@ class Scene:
 
     objects: Iterable[Instance | Instances | Shape] = ()
     """A bare shape stands for one instance of it, where it is, in the default material."""
-    lights: Iterable[AmbientLight | PointLight | SpotLight | DirectionalLight] = ()
+    lights: Iterable[AmbientLight | PointLight | SpotLight | RectangleLight | DirectionalLight] = ()
     """For pictures; ray queries do not know them."""
     camera: AnyCamera | None = None
     """None: a camera that sees all bounded shapes is chosen when one is needed."""

@@ -7,7 +7,7 @@ import PIL.Image
 
 from .gltf_export_looks import srgb_pixels
 from .image import srgb
-from .lights import AmbientLight, DirectionalLight, SpotLight
+from .lights import AmbientLight, DirectionalLight, RectangleLight, SpotLight
 from .materials import Material
 from .mesh import Mesh
 from .pbr import pbr_from_material
@@ -50,8 +50,10 @@ class _Exporter:
                 self._place(item.shape, materials[k], matrix, number)
                 number += 1
         self._camera()
-        lights = [light for light in self._scene.lights if not isinstance(light, AmbientLight)]
-        if len(lights) < len(self._scene.lights):
+        lights = [light for light in self._scene.lights if not isinstance(light, (AmbientLight, RectangleLight))]
+        if any(isinstance(light, RectangleLight) for light in self._scene.lights):
+            self.notes["trimesh has no RectangleLight; it is left out"] = None
+        if any(isinstance(light, AmbientLight) for light in self._scene.lights):
             self.notes["trimesh has no ambient light; it is left out"] = None
         if lights:
             self.result.lights = [self._light(light, k) for k, light in enumerate(lights)]
