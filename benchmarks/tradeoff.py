@@ -35,6 +35,7 @@ def run(options) -> None:
     measured = measure(scene, options.accuracy.split(","), options.rays, options.rounds, options.device, threads)
     print(f"{options.scene}, {about['device']}, {threads} thread(s), {options.rays:,} rays")
     print(as_table(measured))
+    print(f"a share of 0 of {options.rays:,} rays is below {3 / options.rays:.0e} with 95 % confidence")
     results = {"tiers": as_record(measured)}
     if options.device in (None, "cpu"):
         results["peers"] = peers(scene, options.rays, options.rounds, threads)

@@ -110,6 +110,14 @@ def test_coloured_file_shows_its_colours(tmp_path, suffix):
     assert image[1] == image[2] == 0
 
 
+def test_a_missing_picture_is_named(folder):
+    (folder / "picture.png").unlink()
+    with pytest.raises(ValueError, match=r"quad\.obj: there is no picture 'picture\.png', which quad\.mtl asks for"):
+        rt.load_scene(folder / "quad.obj")
+    (folder / "quad.mtl").unlink()
+    assert len(rt.load_scene(folder / "quad.obj").objects) >= 1
+
+
 def test_parts_of_an_obj_come_in_the_materials_of_the_file(folder):
     scene = rt.load_scene(folder / "quad.obj")
     one, two = scene.objects

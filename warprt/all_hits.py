@@ -84,7 +84,7 @@ class AllHits:
 
 
 @dataclass
-class Gathering:
+class Wanted:
     """What is wanted of all hits, and how they are found."""
 
     scene: DeviceScene
@@ -109,7 +109,7 @@ class Piece(NamedTuple):
     fields: dict[str, wp.array]
 
 
-def all_hits(rays: Rays, want: Gathering) -> AllHits:
+def all_hits(rays: Rays, want: Wanted) -> AllHits:
     """All hits of a batch, in the arrays that it came in."""
     pieces = [_fetched(piece, rays) for part in rays.parts() for piece in _pieces(part, want)]
     offsets = np.zeros(rays.count + 1, dtype=np.int64)
@@ -120,7 +120,7 @@ def all_hits(rays: Rays, want: Gathering) -> AllHits:
     return AllHits(rays.shape, offsets, fields)
 
 
-def hit_counts(rays: Rays, want: Gathering) -> Array:
+def hit_counts(rays: Rays, want: Wanted) -> Array:
     """How many hits each ray has, with the leading shape of the rays."""
     pieces = [piece for part in rays.parts() for piece in _pieces(part, want)]
     counts = np.concatenate([np.zeros(0, np.int32), *(piece.kept for piece in pieces)]).reshape(rays.shape)
@@ -134,7 +134,7 @@ def _fetched(piece: Piece, rays: Rays) -> Piece:
     return Piece(piece.kept, {name: array.numpy() for name, array in piece.fields.items()})
 
 
-def _joined(arrays: list, name: str, rays: Rays, want: Gathering) -> Array:
+def _joined(arrays: list, name: str, rays: Rays, want: Wanted) -> Array:
     """One array after the other."""
     if len(arrays) == 1:
         return arrays[0]
@@ -152,7 +152,7 @@ def _joined(arrays: list, name: str, rays: Rays, want: Gathering) -> Array:
     return joined
 
 
-def _pieces(part: RayPart, want: Gathering) -> Iterator[Piece]:
+def _pieces(part: RayPart, want: Wanted) -> Iterator[Piece]:
     """All hits of a part, so many rays at a time that what is gathered stays within bounds."""
     step = want.gathered // ROOM
     for first in range(0, part.count, step):
@@ -178,7 +178,7 @@ def _shares(room: np.ndarray, gathered: int) -> Iterator[slice]:
     yield from (slice(first, last) for first, last in itertools.pairwise(edges))
 
 
-def _gathered(part: RayPart, want: Gathering, ray: np.ndarray, room: np.ndarray, kept: wp.array, first_ray: int):
+def _gathered(part: RayPart, want: Wanted, ray: np.ndarray, room: np.ndarray, kept: wp.array, first_ray: int):
     """Tasks with the hits of these rays, those that there is room for; the first ray of `kept` is first_ray."""
     scene, wide = want.scene, want.scene.spec.tier.wide
     tasks = tasks_struct(wide)()
@@ -194,7 +194,7 @@ def _gathered(part: RayPart, want: Gathering, ray: np.ndarray, room: np.ndarray,
     return tasks
 
 
-def _piece(part: RayPart, want: Gathering, batches: list) -> Piece:
+def _piece(part: RayPart, want: Wanted, batches: list) -> Piece:
     """The hits of some rays, from tasks that together hold all of them."""
     scene = want.scene
     kept = batches[0].kept.numpy().copy()

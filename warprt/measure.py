@@ -165,6 +165,7 @@ COLUMNS = {
     "other faces": lambda m: f"{m.other_primitives:.2g}",
     "t ulps p50": lambda m: f"{m.t_ulps['p50']:.2g}",
     "p99": lambda m: f"{m.t_ulps['p99']:.2g}",
+    "p99.99": lambda m: f"{m.t_ulps['p99.99']:.2g}",
     "max": lambda m: f"{m.t_ulps['max']:.2g}",
     "off surface": lambda m: f"{m.off_surface:.2g}",
     "normal deg": lambda m: f"{m.normal_deg:.2g}",

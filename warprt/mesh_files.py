@@ -32,6 +32,33 @@ def read_parts(path: str | Path) -> list[trimesh.Trimesh]:
     return parts
 
 
+def require_pictures(path: Path) -> None:
+    """ValueError that names the first picture missing of those that the materials of an .obj ask for.
+
+    trimesh leaves it out in silence. A material file that is missing is not missed: many an .obj goes without.
+    """
+    for material in _named(path, "mtllib", "f"):
+        if (path.parent / material).is_file():
+            for picture in _named(path.parent / material, "map_Kd"):
+                # Options such as -s 1 1 1 may stand before the name.
+                name = picture.split()[-1] if picture.startswith("-") else picture
+                if not (path.parent / material).parent.joinpath(name.replace("\\", "/")).is_file():
+                    raise ValueError(f"{path}: there is no picture {name!r}, which {material} asks for")
+
+
+def _named(path: Path, key: str, end: str | None = None) -> list[str]:
+    """What stands behind a key at the beginning of a line, up to the first line of another one."""
+    found = []
+    with open(path, encoding="utf-8", errors="replace") as lines:
+        for line in lines:
+            word, _, rest = line.strip().partition(" ")
+            if word == key and rest.strip():
+                found.append(rest.strip())
+            elif word == end:
+                break
+    return found
+
+
 def _parts(scene: trimesh.Scene) -> list[trimesh.Trimesh]:
     """The meshes of a scene that have faces. Where nothing is moved they are not copied: copies lose their pictures."""
     names = [scene.graph[node] for node in scene.graph.nodes_geometry]

@@ -11,7 +11,7 @@ from .gltf_scene import read_gltf
 from .lights import daylight
 from .materials import Material
 from .mesh import Mesh
-from .mesh_files import SUFFIXES, read_parts
+from .mesh_files import SUFFIXES, read_parts, require_pictures
 from .scene import Instance, Scene
 from .visuals import file_material
 
@@ -63,6 +63,8 @@ def load_scene(path: str | Path, **options) -> Scene:
 def _mesh_scene(path: Path) -> Scene:
     """The meshes of a file in daylight; the camera sees all of them."""
     parts = read_parts(path)
+    if path.suffix.lower() == ".obj":
+        require_pictures(path)
     try:
         objects = [_part(part) for part in parts]
     except ValueError as error:

@@ -12,7 +12,7 @@ from warprt.kernels.render import make_render
 from warprt.kernels.spec import Projection, Tier
 
 from . import checks
-from .all_hits import MOST_HITS, AllHits, Gathering, all_field_names, all_hits, hit_counts
+from .all_hits import MOST_HITS, AllHits, Wanted, all_field_names, all_hits, hit_counts
 from .assemble import assemble, assemble_look
 from .camera import Camera
 from .cameras import CAMERAS, AnyCamera
@@ -166,7 +166,7 @@ class Tracer:
         """
         names = all_field_names(outputs)
         most = MOST_HITS if max_hits is None else checks.integer(max_hits, "max_hits")
-        return all_hits(self._rays(origins, directions, t_min, t_max), self._gathering(names, most))
+        return all_hits(self._rays(origins, directions, t_min, t_max), self._wanted(names, most))
 
     def count(
         self,
@@ -176,7 +176,7 @@ class Tracer:
         t_max: float | Array = math.inf,
     ) -> Array:
         """(...) int32: how many hits each ray has, as `cast_all` counts them. Arguments as for `cast`."""
-        return hit_counts(self._rays(origins, directions, t_min, t_max), self._gathering((), MOST_HITS))
+        return hit_counts(self._rays(origins, directions, t_min, t_max), self._wanted((), MOST_HITS))
 
     def walk(self, origin: ArrayLike, direction: ArrayLike) -> CellWalk:
         """The cells of mesh grids that one ray, given by two (3,) vectors, pierces up to its hit, in order.
@@ -306,8 +306,8 @@ class Tracer:
         self._device_scene.refresh()
         return as_rays(origins, directions, t_min, t_max, self.device, max(1, self.budget // BYTES))
 
-    def _gathering(self, names: tuple[str, ...], most: int) -> Gathering:
-        return Gathering(self._device_scene, names, most, self.threads, self.budget)
+    def _wanted(self, names: tuple[str, ...], most: int) -> Wanted:
+        return Wanted(self._device_scene, names, most, self.threads, self.budget)
 
     def _launch(self, kernel: wp.Kernel, part: RayPart, arguments: list) -> None:
         inputs = [self._device_scene.struct, part.struct, *arguments]
