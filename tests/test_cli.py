@@ -49,7 +49,8 @@ def test_other_outputs_go_to_an_npz(folder):
     assert run("render", "ball.cfg", *options) == 0
     with np.load("deep.npz") as data:
         assert data["depth"].shape == data["instance_id"].shape == (12, 16)
-    assert size_of("deep.png") == (16, 12)
+    for name in ("deep.png", "deep.depth.png", "deep.instance_id.png"):
+        assert size_of(name) == (16, 12)
 
 
 def test_options_go_to_the_function_scene(folder):
@@ -100,6 +101,9 @@ def test_no_clobber_refuses_to_replace(folder, capfd):
         pytest.param(("render", "ball.cfg", "-o", ".."), "a folder", id="output is a folder"),
         pytest.param(("render", "ball.cfg", "--option", "size"), "NAME=VALUE", id="option without a value"),
         pytest.param(("render", "ball.cfg", "--option", "n=2"), "only scenes in Python", id="option of a .cfg"),
+        pytest.param(("render", "ball.cfg", "--turntable", "0"), "turntable", id="no frames"),
+        pytest.param(("render", "ball.cfg", "--turntable", "2", "-o", "x.jpg"), "turntable", id="frames in a jpg"),
+        pytest.param(("render", "ball.cfg", "--turntable", "2", "--outputs", "cells"), "heat map", id="frames of heat"),
         pytest.param(("render", "ball.cfg", "--colour"), "unrecognized", id="unknown option"),
         pytest.param(("paint",), "invalid choice", id="unknown command"),
         pytest.param((), "required", id="no command"),

@@ -100,6 +100,20 @@ def test_ids_beyond_16_bits_are_named():
         rt.Image({"instance_id": np.array([[-1, 65535]], np.int32)}).to_pil(bits=16)
 
 
+def test_rows_are_those_of_the_whole_picture(image):
+    scene = rt.Scene([rt.Sphere(), rt.Plane((0, -1, 0))], lights=[rt.AmbientLight(0.5)], camera=rt.Camera((0, 1, 5)))
+    tracer = rt.Tracer(scene, device="cpu")
+    calls = []
+    part = tracer.render(size=(32, 24), outputs=image.keys(), rows=(7, 5), progress=lambda *done: calls.append(done))
+    for name in image.keys():
+        np.testing.assert_array_equal(part[name], image[name][7:12])
+    assert part.size == (32, 5)
+    assert calls[-1] == (32 * 5, 32 * 5)
+    for rows in [(0, 25), (24, 1), (-1, 2), (0, 0), 3, (0, 1, 2)]:
+        with pytest.raises(ValueError, match="rows"):
+            tracer.render(size=(32, 24), rows=rows)
+
+
 def test_notebooks_get_a_png(image):
     assert PIL.Image.open(io.BytesIO(image._repr_png_())).size == (32, 24)
 

@@ -5,7 +5,6 @@ import ast
 import os
 import sys
 import tempfile
-import time
 import warnings
 from pathlib import Path
 
@@ -13,10 +12,9 @@ import warp as wp
 
 from . import launch
 from ._version import __version__
-from .files import require_writable
-from .image import OUTPUTS, TONES, checked_look, file_kind
-from .scene_files import find_scene, load_scene, ready_scenes
-from .tracer import ACCELERATORS, TIERS, Tracer
+from .image import OUTPUTS, TONES
+from .scene_files import load_scene, ready_scenes
+from .tracer import ACCELERATORS, TIERS
 
 
 class _Parser(argparse.ArgumentParser):
@@ -30,6 +28,7 @@ class _Parser(argparse.ArgumentParser):
 def main(arguments: list[str] | None = None) -> int:
     """Runs the command line; the exit status is 0, or 2 after a user's mistake."""
     options = _parser().parse_args(arguments)
+    options.arguments = sys.argv[1:] if arguments is None else list(arguments)
     launch.on_compile = _announce_compile
     try:
         _start_warp()
@@ -39,8 +38,8 @@ def main(arguments: list[str] | None = None) -> int:
     except (ValueError, OSError, MemoryError) as error:
         print(f"warprt: {error}", file=sys.stderr)
         return 2
-    except KeyboardInterrupt:
-        print("warprt: interrupted", file=sys.stderr)
+    except KeyboardInterrupt as stop:
+        print(f"warprt: {stop or 'interrupted'}", file=sys.stderr)
         return 130
     return 0
 
@@ -89,6 +88,8 @@ def _parser() -> _Parser:
     render.add_argument("--outputs", default="color", metavar="NAMES", help=f"of {','.join(OUTPUTS)}")
     render.add_argument("--exposure", type=float, default=1.0, metavar="X", help="factor of the light; default 1")
     render.add_argument("--tone", default="srgb", metavar="T", help=f"{' or '.join(TONES)}; default srgb")
+    render.add_argument("--turntable", type=int, metavar="N", help="N pictures around the scene, and a moving one")
+    render.add_argument("--resume", action="store_true", help="go on with what was interrupted")
     render.add_argument("--no-clobber", action="store_true", help="refuse to replace a file")
     render.set_defaults(run=_render)
     bench = commands.add_parser("bench", help="measure against wp.Mesh and Embree")
@@ -173,57 +174,9 @@ def _announce_compile() -> None:
 
 
 def _render(options: argparse.Namespace) -> None:
-    path = find_scene(options.scene)
-    output = Path(options.output or f"{path.stem}.png")
-    outputs = tuple(options.outputs.split(","))
-    checked_look(options.exposure, options.tone)
-    data = output.with_suffix(".npz") if outputs != ("color",) else None
-    for file in {output, data} - {None}:
-        # Before the work is done, not after.
-        file_kind(require_writable(file))
-        if options.no_clobber and file.exists():
-            raise FileExistsError(f"{file} exists already; leave out --no-clobber to replace it")
-    scene = load_scene(path, **dict(options.option))
-    tracer = Tracer(scene, options.accuracy, options.device, options.accelerator, options.threads)
-    tracer.compile_render()
-    started = time.perf_counter()
-    with _Progress(output.name) as progress:
-        image = tracer.render(
-            size=options.size,
-            samples=options.samples,
-            max_bounces=options.max_bounces,
-            outputs=outputs,
-            progress=progress,
-        )
-    seconds = time.perf_counter() - started
-    image.save(output, exposure=options.exposure, tone=options.tone)
-    if data is not None and data != output:
-        image.save(data)
-    rays = options.size[0] * options.size[1] * options.samples
-    print(
-        f"{output}: {options.size[0]} x {options.size[1]}, {rays:,} camera rays in {seconds:.2f} s, "
-        f"{rays / seconds / 1e6:.2f} Mrays/s ({tracer.accuracy}, {tracer.device.alias}"
-        f"{'' if tracer.device.is_cuda else f', {tracer.threads} threads'})"
-    )
+    from .rendering import run
 
-
-class _Progress:
-    """A bar on a terminal, nothing elsewhere."""
-
-    def __init__(self, title: str):
-        from tqdm.auto import tqdm
-
-        self._bar = tqdm(desc=title, unit="ray", unit_scale=True, disable=None, leave=False)
-
-    def __enter__(self):
-        return self
-
-    def __exit__(self, *_):
-        self._bar.close()
-
-    def __call__(self, done: int, total: int) -> None:
-        self._bar.total = total
-        self._bar.update(done - self._bar.n)
+    run(options)
 
 
 def _info(_options: argparse.Namespace) -> None:

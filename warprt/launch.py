@@ -6,8 +6,9 @@ same bits for any number of threads.
 
 import itertools
 import os
+import threading
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor, wait
 from functools import cache
 
 import warp as wp
@@ -100,17 +101,24 @@ def _run_bands(kernel: wp.Kernel, count: int, width: int, inputs: list, device: 
     if workers == 1:
         launches[0].launch()
         return
-    numbers = itertools.count()
+    numbers, is_stopped = itertools.count(), threading.Event()
     last, first = len(inputs) - 1, inputs[-1]
 
     def work(command: wp.Launch) -> None:
         for number in numbers:  # shared: each is taken once
             start = number * band
-            if start >= count:
+            if start >= count or is_stopped.is_set():
                 return
             command.set_param_at_index(last, first + width * start)
             command.set_dim(min(band, count - start))
             command.launch()
 
-    for future in [pool(threads).submit(work, command) for command in launches]:
-        future.result()
+    futures = [pool(threads).submit(work, command) for command in launches]
+    try:
+        for future in futures:
+            future.result()
+    except BaseException:
+        # Ctrl-C: threads may not go on writing to arrays that are given up.
+        is_stopped.set()
+        wait(futures)
+        raise

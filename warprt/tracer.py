@@ -205,14 +205,17 @@ class Tracer:
         max_bounces: int = 8,
         outputs: str | Iterable[str] = ("color",),
         progress: Callable[[int, int], None] | None = None,
+        rows: tuple[int, int] | None = None,
     ) -> Image:
         """A picture of (width, height) pixels.
 
         camera: by default the scene's, or else one that sees everything. samples: rays per pixel. max_bounces: mirror
         reflections and boundaries of glass that are followed. outputs: names of `Image` arrays; all but colour describe
-        what lies at the pixel's centre. progress(done, total) is called now and then with counts of camera rays.
+        what lies at the pixel's centre. progress(done, total) is called now and then with counts of camera rays. rows:
+        (first, count), only these rows of the picture, the same as in the whole one.
 
-        Raises ValueError for sizes and counts that are not integers of at least 1 (max_bounces: 0).
+        Raises ValueError for sizes and counts that are not integers of at least 1 (max_bounces: 0), and for rows that
+        the picture has not.
         """
         width, height = self._checked_size(size)
         samples = checks.integer(samples, "samples", 1, MOST_SAMPLES)
@@ -221,13 +224,14 @@ class Tracer:
             names = " or ".join(kind.__name__ for kind in CAMERAS)
             raise ValueError(f"camera must be {names}; got {type(camera).__name__}")
         names = output_names(outputs)
+        rows = (0, height) if rows is None else self._checked_rows(rows, height)
         self._device_scene.refresh()
         camera = camera or self.scene.camera or self.framing_camera()
         arrays: dict[str, np.ndarray] = {}
         if "color" in names:
-            arrays["color"] = self._render_color(camera, width, height, samples, max_bounces, progress)
+            arrays["color"] = self._render_color(camera, width, height, samples, max_bounces, progress, rows)
         if set(names) - {"color"}:
-            arrays |= self._render_fields(camera, width, height, [name for name in names if name != "color"])
+            arrays |= self._render_fields(camera, width, height, [name for name in names if name != "color"], rows)
         return Image({name: arrays[name] for name in names})
 
     def framing_camera(self) -> Camera:
@@ -252,21 +256,22 @@ class Tracer:
     def _render_kernel(self, projection: Projection) -> wp.Kernel:
         return make_render(self._looks()[0], projection)
 
-    def _render_color(self, camera, width, height, samples, max_bounces, progress) -> np.ndarray:
+    def _render_color(self, camera, width, height, samples, max_bounces, progress, rows) -> np.ndarray:
         kernel = self._render_kernel(camera.projection)
         color = wp.empty(width * height, dtype=wp.vec3f, device=self.device)
         inputs = [self._device_scene.struct, self._look[1], camera.struct(width, height), samples, max_bounces, color]
-        tile = width * height if progress is None else max(1, TILE_RAYS // samples)
-        for first in range(0, width * height, tile):
-            count = min(tile, width * height - first)
-            launch(kernel, count, inputs, self.device, self.threads, first)
+        begin, total = width * rows[0], width * rows[1]
+        tile = total if progress is None else max(1, TILE_RAYS // samples)
+        for done in range(0, total, tile):
+            count = min(tile, total - done)
+            launch(kernel, count, inputs, self.device, self.threads, begin + done)
             if progress is not None:
                 wp.synchronize_device(self.device)
-                progress((first + count) * samples, width * height * samples)
-        return color.numpy().reshape(height, width, 3)
+                progress((done + count) * samples, total * samples)
+        return color[begin : begin + total].numpy().reshape(rows[1], width, 3)
 
-    def _render_fields(self, camera, width, height, names) -> dict[str, np.ndarray]:
-        origins, directions = camera.rays(width, height)
+    def _render_fields(self, camera, width, height, names, rows) -> dict[str, np.ndarray]:
+        origins, directions = (part[rows[0] : rows[0] + rows[1]] for part in camera.rays(width, height))
         arrays: dict[str, np.ndarray] = {}
         if "albedo" in names:
             arrays |= self._albedo(self._rays(origins, directions, 0.0, math.inf))
@@ -300,6 +305,15 @@ class Tracer:
         if width * height >= 2**31:
             raise ValueError(f"size must be less than 2^31 pixels in all; got {width} x {height}")
         return width, height
+
+    @staticmethod
+    def _checked_rows(rows, height: int) -> tuple[int, int]:
+        try:
+            first, count = rows
+        except (TypeError, ValueError):
+            raise ValueError(f"rows must be (first, count); got {rows!r}") from None
+        first = checks.integer(first, "rows first", 0, height - 1)
+        return first, checks.integer(count, "rows count", 1, height - first)
 
     def _rays(self, origins, directions, t_min, t_max) -> Rays:
         """The rays as they are given, for the scene as it now is."""

@@ -1,0 +1,75 @@
+"""What is done of a picture, or of the frames of a turntable, in a file until all is done."""
+
+import json
+import time
+import zipfile
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from .files import write_whole
+
+SECONDS_BETWEEN_SAVES = 30.0
+
+
+class Unfinished:
+    """Frames that are done, and the rows of the next one that are.
+
+    terms() is what the picture depends on, by name: a file of other terms is not continued.
+    """
+
+    def __init__(self, path: Path, size: tuple[int, int], terms: Callable[[], dict]):
+        self.path = path
+        self.frame = 0
+        self.rows = 0
+        self.color = np.empty((size[1], size[0], 3), np.float32)
+        self._terms = terms
+        self._saved_at = time.monotonic()
+
+    def load(self, frames: list[Path]) -> None:
+        """Takes over what the file has, and of `frames` those up to the first that is gone.
+
+        Raises ValueError if the file is broken, or of another render.
+        """
+        try:
+            with np.load(self.path) as data:
+                terms, frame, color = json.loads(str(data["terms"])), int(data["frame"]), data["color"]
+        except (ValueError, KeyError, OSError, EOFError, zipfile.BadZipFile):
+            raise ValueError(f"{self.path} cannot be read; leave out --resume to begin anew") from None
+        now = self._terms()
+        others = [name for name in now if terms.get(name) != now[name]]
+        if others:
+            raise ValueError(
+                f"{self.path} was begun with another {', '.join(others)}; leave out --resume to begin anew"
+            )
+        gone = [k for k, file in enumerate(frames[:frame]) if not file.exists()]
+        if gone:
+            self.frame = gone[0]
+            return
+        self.frame, self.rows = frame, len(color)
+        self.color[: self.rows] = color
+
+    def add(self, rows: np.ndarray) -> None:
+        """Rows of the present frame that are done now."""
+        self.color[self.rows : self.rows + len(rows)] = rows
+        self.rows += len(rows)
+        if time.monotonic() - self._saved_at > SECONDS_BETWEEN_SAVES:
+            self.save()
+
+    def next_frame(self) -> None:
+        """The present frame has been written."""
+        self.frame += 1
+        self.rows = 0
+
+    def save(self) -> None:
+        """Writes the file."""
+        terms = json.dumps(self._terms())
+        write_whole(
+            self.path, lambda file: np.savez(file, terms=terms, frame=self.frame, color=self.color[: self.rows])
+        )
+        self._saved_at = time.monotonic()
+
+    def remove(self) -> None:
+        """All is done."""
+        self.path.unlink(missing_ok=True)
