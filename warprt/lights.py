@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from . import checks
+from .sky import GradientSky
 from .typing import ArrayLike
 
 
@@ -114,23 +115,6 @@ class DirectionalLight:
     def __post_init__(self):
         object.__setattr__(self, "direction", checks.direction(self.direction, "DirectionalLight direction"))
         object.__setattr__(self, "color", checks.color(self.color, "DirectionalLight color"))
-
-
-@dataclass(frozen=True)
-class GradientSky:
-    """A background that goes from one colour at the horizon to another overhead (+y).
-
-    Raises ValueError for a negative or non-finite colour.
-    """
-
-    horizon: ArrayLike = (1.0, 1.0, 1.0)
-    """Linear RGB, of rays that are level or go down."""
-    zenith: ArrayLike = (0.25, 0.45, 0.85)
-    """Linear RGB, of rays straight up."""
-
-    def __post_init__(self):
-        object.__setattr__(self, "horizon", checks.color(self.horizon, "GradientSky horizon"))
-        object.__setattr__(self, "zenith", checks.color(self.zenith, "GradientSky zenith"))
 
 
 def daylight() -> tuple[list[DirectionalLight | AmbientLight], GradientSky]:
