@@ -23,7 +23,10 @@ class Material:
     texture: Texture | None = None
     """Multiplies both, point by point. The shape must be a mesh with uvs."""
     emission: ArrayLike = (0.0, 0.0, 0.0)
-    """Light that both sides give off evenly, whatever falls on them. It is seen, but does not light anything else."""
+    """Light that both sides give off evenly, whatever falls on them.
+
+    It is seen, but lights something else only with `integrator="path"`.
+    """
     specular: ArrayLike = (0.0, 0.0, 0.0)
     """Share of the light of lamps (all but ambient light) that is reflected as a highlight (Blinn-Phong).
 
