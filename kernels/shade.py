@@ -10,21 +10,21 @@ from .light import make_direct
 from .point import make_point
 from .sky import make_sky
 from .spec import Look, Search
-from .structs import look_struct, path_struct, point_struct, scene_struct, vec3
+from .structs import look_struct, path_struct, point_struct, scene_struct
 from .trace import make_trace
 
 
 @cache
 def make_scattered(look: Look):
-    """What leaves a point towards the eye, but for what the path brings: light of lamps, highlights, its own light."""
-    Scene, Lights, Point = scene_struct(look.spec), look_struct(look), point_struct(look)
+    """What leaves a point back along a path, but for what goes on: light of lamps, highlights, its own light."""
+    Scene, Lights, Path, Point = scene_struct(look.spec), look_struct(look), path_struct(look), point_struct(look)
     has_emission, has_highlights, has_tint = look.emission, look.highlights, look.has_tint
-    vec, direct = vec3(look.spec.tier.wide), make_direct(look)
+    direct, tells_apart = make_direct(look), look.paths and look.shown_lamps
 
     @wp.func
-    def scattered(scene: Scene, lights: Lights, p: Point, d: vec) -> wp.vec3f:
+    def scattered(scene: Scene, lights: Lights, path: Path, p: Point) -> wp.vec3f:
         if wp.static(has_highlights):
-            p.to_eye = -d / wp.length(d)
+            p.to_eye = -path.d / wp.length(path.d)
             p.shininess = lights.shininess[p.material]
         lit = direct(scene, lights, p)
         light = lit.light
@@ -34,6 +34,10 @@ def make_scattered(look: Look):
         if wp.static(has_highlights):
             color += wp.cw_mul(lights.specular[p.material], lit.highlight)
         if wp.static(has_emission):
+            if wp.static(tells_apart):
+                # The lamp itself has lit the surface from which the path comes.
+                if path.is_scattered and not lights.shines[p.material]:
+                    return color
             color += lights.emission[p.material]
         return color
 
@@ -80,7 +84,7 @@ def make_radiance(look: Look):
             p = point(scene, lights, path, hit)
             if wp.static(has_glass):
                 path = absorbed(lights, path, p, hit.t)
-            color += wp.cw_mul(path.throughput, scattered(scene, lights, p, path.d))
+            color += wp.cw_mul(path.throughput, scattered(scene, lights, path, p))
             if wp.static(goes_on):
                 path = bounce(lights, path, p)
                 if wp.max(path.throughput) == wp.float32(0.0):

@@ -131,6 +131,8 @@ class Look:
     glass: bool = False
     rectangle_lights: bool = False
     image_sky: bool = False
+    shown_lamps: bool = False
+    """Some surfaces that emit light only show a lamp."""
     paths: bool = False
     """Light goes from surface to surface."""
 

@@ -416,6 +416,8 @@ def path_struct(look: Look):
     }
     if look.has_chance:
         fields |= {"pixel": wp.int32, "sample": wp.int32}
+    if look.paths and look.shown_lamps:
+        fields["is_scattered"] = wp.bool  # at the last surface
     if look.glass:
         fields["medium"] = wp.vec3f  # the absorption of what the ray is in
     return make_struct("Path", fields)
@@ -460,6 +462,8 @@ def look_struct(look: Look):
         fields["mirror"] = wp.array(dtype=wp.vec3f)  # [materials]
     if look.emission:
         fields["emission"] = wp.array(dtype=wp.vec3f)  # [materials]
+    if look.shown_lamps:
+        fields["shines"] = wp.array(dtype=wp.bool)  # [materials]  whether others are lit by it
     if look.highlights:
         fields |= {
             "specular": wp.array(dtype=wp.vec3f),  # [materials]  times what makes a lobe of shininess reflect all

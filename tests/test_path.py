@@ -123,6 +123,28 @@ def test_rectangle_lights_as_lambert_says(device):
     np.testing.assert_allclose(seen(scene, device=device, camera=camera, samples=4096), expected, rtol=2e-3)
 
 
+def test_panel_shows_a_lamp_and_lights_nothing(accuracy, device):
+    lamp = rt.RectangleLight((0, 3, 0), (1, 0, 0), (0, 0, 2), (2, 3, 4))
+    floor, mirror = rt.Plane(), rt.Instance(rt.Plane((0, 0, -5), (0, 0, 1)), material=rt.Material(0, mirror=0.5))
+    with_panel, without = (rt.Scene([floor, mirror, *panels], [lamp]) for panels in ([lamp.panel()], []))
+    below = rt.Camera((0, 0.5, 0), (0, 0, 0), (0, 0, 1), fov_deg=1e-4)
+    lit = [seen(scene, accuracy, device, below, samples=64) for scene in (with_panel, without)]
+    # What the panel hides of the floor is all that it changes.
+    np.testing.assert_allclose(*lit, rtol=0.02)
+    up = rt.Camera((0, 1, 0), (0.1, 3, 0.1), (0, 0, 1))
+    for integrator in ("whitted", "path"):
+        color = seen(with_panel, accuracy, device, up, integrator=integrator)
+        np.testing.assert_allclose(color, (2, 3, 4), rtol=1e-6)
+
+
+def test_glowing_face_that_does_not_shine_is_seen_in_mirrors_alone(device):
+    glow = rt.Instance(rt.Plane((0, 4, 0)), material=rt.Material(0, emission=(1, 2, 3), shines=False))
+    for paint, expected in ((rt.Material(0, mirror=0.5), (0.5, 1, 1.5)), (rt.Material(0.9), (0, 0, 0))):
+        scene = rt.Scene([glow, rt.Instance(rt.Plane(), material=paint)])
+        camera = rt.Camera((0, 1, 0), (0.3, 0, 0.2), fov_deg=1e-4)
+        np.testing.assert_allclose(seen(scene, device=device, camera=camera, samples=16), expected, rtol=1e-6)
+
+
 def test_lamp_lights_round_a_corner(device):
     # Half the sky of the floor's point is a white wall that a lamp behind a screen lights.
     sun = rt.DirectionalLight((-1, 0, 0), 1)

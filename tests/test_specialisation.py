@@ -71,6 +71,7 @@ FEATURES = {
     "spot_lights": ("spot_cone", "spot_share"),
     "glass": ("through_glass", "absorption", "transmitted"),
     "emission": ("emission",),
+    "shown_lamps": ("shines",),
     "highlights": ("highlight", "to_eye", "shininess"),
     "smooth_normals": ("shading_normal", "interpolated"),
 }

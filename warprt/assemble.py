@@ -133,6 +133,7 @@ def assemble_look(scene: Scene, spec: Spec, device: wp.Device) -> tuple[Look, ob
         vertex_colors=any(mesh.colors is not None for mesh in meshes),
         smooth_normals=any(mesh.normals is not None for mesh in meshes),
         emission=any(max(material.emission) > 0 for material in materials),
+        shown_lamps=any(max(material.emission) > 0 and not material.shines for material in materials),
         highlights=any(max(material.specular) > 0 for material in materials)
         and bool(points or spots or rectangles or suns),
         spot_lights=bool(spots),
@@ -153,6 +154,8 @@ def assemble_look(scene: Scene, spec: Spec, device: wp.Device) -> tuple[Look, ob
         struct.mirror = array([material.mirror for material in materials], wp.vec3f)
     if look.emission:
         struct.emission = array([material.emission for material in materials], wp.vec3f)
+    if look.shown_lamps:
+        struct.shines = array([material.shines for material in materials], wp.bool)
     if look.highlights:
         specular = [material.lobe_factor * np.array(material.specular) for material in materials]
         struct.specular = array(specular, wp.vec3f)

@@ -289,9 +289,10 @@ def _material(
     glass=(0.0, 0.0, 0.0),
     ior=1.5,
     absorption=(0.0, 0.0, 0.0),
+    shines=True,
 ):
     picture = None if texture is None else Texture.from_file(folder / _text(texture, "texture"))
-    return Material(diffuse, mirror, picture, emission, specular, shininess, glass, ior, absorption)
+    return Material(diffuse, mirror, picture, emission, specular, shininess, glass, ior, absorption, shines)
 
 
 def _sphere(center=(0.0, 0.0, 0.0), radius=1.0):
