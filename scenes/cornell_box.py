@@ -1,8 +1,8 @@
 """The Cornell box: the room and blocks as measured at Cornell University, in millimetres, in direct light.
 
 Goral, Torrance, Greenberg and Battaile, "Modeling the Interaction of Light between Diffuse Surfaces", SIGGRAPH 1984;
-the corners are those of graphics.cornell.edu/online/box. Ambient light, and a weak lamp at the camera, stand for the light
-that walls send each other.
+the corners are those of graphics.cornell.edu/online/box. Ambient light, and a weak lamp at the camera, stand for
+the light that walls send each other.
 """
 
 import warprt as rt

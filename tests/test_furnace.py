@@ -26,8 +26,8 @@ ALL = MATERIALS | SHINY | MURKY
 def furnace():
     """One thing of each material, too far apart to shade each other, mirrored and sheared, under lamps from everywhere.
 
-    A world as bright as 1 gives 4 pi / N of solid angle to each of N directions. A lamp's colour is that of a white surface
-    that faces it, so pi times less.
+    A world as bright as 1 gives 4 pi / N of solid angle to each of N directions. A lamp's colour is that of a white
+    surface that faces it, so pi times less.
     """
     height = 1 - (2 * np.arange(LAMPS) + 1) / LAMPS
     turn = np.pi * (3 - np.sqrt(5)) * np.arange(LAMPS)
