@@ -39,18 +39,19 @@ def camera_rays(camera: rt.Camera, width: int, height: int, within=(0.5, 0.5)) -
 def compare_hits(tracer: rt.Tracer, o: np.ndarray, d: np.ndarray, t: np.ndarray, normal: np.ndarray) -> dict:
     """Shares of pixels whose depth and normal are Mitsuba's (t, normal), and what the rest are.
 
-    `edge`: a ray turned by `NEARBY` agrees. `rounding`: depth and normal lie within ten times the tolerance. `inside`:
-    Mitsuba sees the inside of a shape, all of which are closed. `other`: none of these.
+    `edge`: a ray turned by `NEARBY` agrees. `rounding`: depth and normal lie within ten times the tolerance. `through`:
+    Mitsuba sees what lies behind our hit, as it is. `other`: none of these.
     """
     hits = tracer.cast(o, d, outputs=("t", "normal"))
     depth, facing = _same(hits, t, normal)
     rest = np.flatnonzero(~(depth & facing))
     t, normal, o, d = t[rest], normal[rest], o[rest], d[rest]
     around = [_same(tracer.cast(o, side, outputs=("t", "normal")), t, normal) for side in _around(d)]
+    before = np.where(np.isfinite(t), t * (1 - DEPTH), 0)
     kinds = {
         "edge": np.logical_or.reduce([near & alike for near, alike in around]),
         "rounding": np.logical_and(*_same(tracer.cast(o, d, outputs=("t", "normal")), t, normal, 10)),
-        "inside": np.einsum("ij,ij->i", normal, d) > 0,
+        "through": np.logical_and(*_same(tracer.cast(o, d, before, outputs=("t", "normal")), t, normal)),
         "other": np.ones(len(rest), bool),
     }
     first = np.argmax(list(kinds.values()), axis=0)

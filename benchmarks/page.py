@@ -180,7 +180,7 @@ def agreement(name: str) -> str:
             title = f"{scene} ({entry['instances']} instances, {entry['pixels']:,} pixels)" if k == 0 else ""
             shares = [f"{100 * hits[key]:.4f} %" for key in ("depth", "normal")]
             body.append([title, tier, *shares, " / ".join(str(count) for count in hits["differ"].values())])
-    return rows(["scene", "", "same depth", "same normal", "the rest: edge / rounding / inside / other"], body)
+    return rows(["scene", "", "same depth", "same normal", "the rest: edge / rounding / through / other"], body)
 
 
 def direct_light(name: str) -> str:

@@ -43,7 +43,7 @@ def test_differing_hits_are_counted_by_kind():
     normal = np.array([(0, 0, 1), (0, 0, 1), (0, 0, -1), (0, 0, 1), (0, 0, 0), (0, 0, 0)])
     found = against_mitsuba.compare_hits(tracer, o, d, t, normal)
     assert found["depth"] == pytest.approx(2 / 6)
-    assert found["differ"] == {"edge": 1, "rounding": 1, "inside": 1, "other": 1}
+    assert found["differ"] == {"edge": 1, "rounding": 1, "through": 1, "other": 1}
 
 
 def test_pictures_are_compared_by_means_and_pixels():
