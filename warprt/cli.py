@@ -94,8 +94,8 @@ def _parser() -> _Parser:
     render.add_argument("--resume", action="store_true", help="go on with what was interrupted")
     render.add_argument("--no-clobber", action="store_true", help="refuse to replace a file")
     render.set_defaults(run=_render)
-    bench = commands.add_parser("bench", help="measure against wp.Mesh and Embree")
-    topics = ["rates", "resolution", "scaling", "instances", "specialisation", "leaks", "all-hits"]
+    bench = commands.add_parser("bench", help="measure against wp.Mesh, Embree and Mitsuba")
+    topics = ["rates", "resolution", "scaling", "instances", "specialisation", "leaks", "all-hits", "mitsuba"]
     bench.add_argument("topic", nargs="?", default="rates", choices=topics)
     bench.add_argument("--quick", action="store_true", help="fewer and smaller meshes: under a minute")
     bench.add_argument(
