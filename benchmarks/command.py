@@ -16,6 +16,7 @@ from . import (
     leaks,
     machine,
     meshes,
+    paths,
     rates,
     report,
     resolution,
@@ -125,6 +126,13 @@ def _mitsuba(options, size: int, rounds: int, threads: int):
     return results, against_mitsuba.table, None
 
 
+def _paths(options, size: int, rounds: int, threads: int):
+    samples = 4 if options.quick else 256
+    shape = max(1, size // 8), max(1, size // 8 * 3 // 4)
+    results = {name: paths.measure(scene, shape, samples) for name, scene in paths.scenes().items()}
+    return results, paths.table, None
+
+
 TOPICS = {
     "rates": _rates,
     "all-hits": _all_hits,
@@ -134,5 +142,6 @@ TOPICS = {
     "specialisation": _specialisation,
     "leaks": _leaks,
     "mitsuba": _mitsuba,
+    "paths": _paths,
 }
 """What can be measured: functions that give (results, table of them, drawing of them or None)."""

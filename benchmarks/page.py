@@ -194,6 +194,16 @@ def direct_light(name: str) -> str:
     return rows(["scene", "lamp", "samples", "means differ by", "pixels differ by", "pixels within 1 %"], body)
 
 
+def paths(name: str) -> str:
+    """Pictures by both path tracers."""
+    body = [
+        [scene, f"{light['pixels']:,}", light["samples"]]
+        + [f"{100 * light[key]:.3f} %" for key in ("mean_differs", "pixels_differ", "noise")]
+        for scene, light in results(name).items()
+    ]
+    return rows(["scene", "pixels", "samples", "means differ by", "pixels differ by", "what noise explains"], body)
+
+
 def _all(names: Iterable[str]) -> dict:
     merged: dict = {}
     for name in names:
@@ -216,6 +226,7 @@ MAKERS = (
     all_hits,
     agreement,
     direct_light,
+    paths,
 )
 KINDS = {function.__name__: function for function in MAKERS}
 

@@ -23,9 +23,9 @@ def measure(size: int, rounds: int, threads: int) -> dict:
     camera = tracer.scene.camera.struct(size, size)
 
     def picture(kernel, geometry, shading):
-        film = Film(0, size * size, ["color"], None, tracer.device)
+        film = Film((0, size), size, ["color"], None, tracer.device, threads)
         launch(kernel, size * size, [geometry, shading, camera, film.struct, 1, 8], tracer.device, threads)
-        return film.arrays(1, size)["color"]
+        return film.arrays(1)["color"]
 
     def recast(make, spec, struct):
         other = make(spec)()

@@ -5,35 +5,10 @@ from functools import cache
 import warp as wp
 
 from .camera import PRIMARY_RAY, sample_position
+from .film import spread_after
 from .shade import make_radiance
 from .spec import Look, Projection
 from .structs import camera_struct, film_struct, look_struct, path_struct, scene_struct, vec3
-
-STEP = wp.constant(16)
-"""Samples after which a pixel is looked at whether it needs more."""
-
-
-@wp.func
-def is_quiet(total: wp.vec3f, spread: wp.vec3f, count: int, noise: wp.float32) -> bool:
-    """Whether the standard error of a pixel's mean is at most `noise`, in square roots of light.
-
-    They are about as even to the eye as sRGB.
-    """
-    n = wp.float32(count)
-    for k in range(3):
-        mean, error = total[k] / n, wp.sqrt(spread[k] / (n * (n - 1.0)))
-        if not wp.sqrt(mean + error) - wp.sqrt(mean) <= noise:
-            return False
-    return True
-
-
-@wp.func
-def spread_after(spread: wp.vec3f, total: wp.vec3f, count: int, value: wp.vec3f) -> wp.vec3f:
-    """The sum of squares off the mean with one more value (Welford 1962); total and count: before it."""
-    if count == 0:
-        return spread
-    n = wp.float32(count)
-    return spread + wp.cw_mul(value - total / n, value - (total + value) / (n + 1.0))
 
 
 @cache
@@ -67,7 +42,7 @@ def make_sample(look: Look, projection: Projection):
 def make_render(look: Look, projection: Projection = Projection.PINHOLE, is_measured: bool = False):
     """Adds samples to pixels, row by row from the top, until each has `samples` of them.
 
-    is_measured: how far samples spread is kept too, and a pixel may need fewer.
+    is_measured: how far samples spread is kept too, and pixels that are done take no more.
     """
     Scene, Lights, Camera = scene_struct(look.spec), look_struct(look), camera_struct(projection)
     Film, sample = film_struct(is_measured), make_sample(look, projection)
@@ -84,17 +59,15 @@ def make_render(look: Look, projection: Projection = Projection.PINHOLE, is_meas
     @wp.kernel(**options)
     def measure(scene: Scene, lights: Lights, camera: Camera, film: Film, samples: int, max_bounces: int, first: int):
         at = first + wp.tid()
-        total, spread, count = wp.vec3f(film.total[at]), wp.vec3f(film.spread[at]), int(film.count[at])
+        if not film.is_active[at]:
+            return
+        total, spread = wp.vec3f(film.total[at]), wp.vec3f(film.spread[at])
         for k in range(film.count[at], samples):
-            if k >= STEP and k % STEP == 0:
-                if is_quiet(total, spread, k, film.noise):
-                    break
             value = sample(scene, lights, camera, film.first + at, k, max_bounces)
             spread = spread_after(spread, total, k, value)
             total += value
-            count = k + 1
         film.total[at] = total
         film.spread[at] = spread
-        film.count[at] = count
+        film.count[at] = samples
 
     return measure if is_measured else render

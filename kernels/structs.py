@@ -440,7 +440,8 @@ def film_struct(is_measured: bool):
         fields |= {
             "spread": wp.array(dtype=wp.vec3f),  # sums of the squares of what samples are off their mean
             "count": wp.array(dtype=wp.int32),
-            "noise": wp.float32,  # of a pixel that needs no more samples; negative: each takes all
+            "is_active": wp.array(dtype=wp.bool),  # whether a pixel needs more samples
+            "noise": wp.float32,  # of one that does not
         }
     else:
         fields["count"] = wp.int32  # samples of every pixel

@@ -19,7 +19,7 @@ def scene(pitch: float = 0.46, drops: int = 16, seed: int = 8) -> rt.Scene:
         objects=[
             rt.Instances(pillar(0.485 * pitch), placed(points, height), [rt.Material(c) for c in colors], shade),
             rt.Instances(rt.Sphere(), placed(centers, rest, radius), rt.Material(0.01, mirror=(0.92, 0.93, 0.95))),
-            rt.Instance(shown(lamp), material=rt.Material(0, emission=(9, 7.5, 6))),
+            lamp.panel(),
             rt.Instance(rt.Plane((0, -1.2, 0)), material=rt.Material((0.01, 0.03, 0.05), mirror=(0.40, 0.60, 0.72))),
         ],
         lights=[rt.AmbientLight((0.17, 0.21, 0.29)), lamp],
@@ -63,12 +63,6 @@ def pillar(radius: float, length: float = 4.0, bevel: float = 0.03) -> rt.Mesh:
     edges = [(k, k // 6 * 6 + (k + 1) % 6) for k in range(12)]
     sides = [face for a, b in edges for face in ((a, a + 6, b + 6), (a, b + 6, b))]
     return rt.Mesh(vertices, [(0, k, k + 1) for k in range(1, 5)] + sides)
-
-
-def shown(lamp: rt.RectangleLight) -> rt.Mesh:
-    """A rectangle just behind a lamp, for mirrors to show."""
-    behind, u, v = lamp.center - 0.01 * np.cross(lamp.edge_u, lamp.edge_v), lamp.edge_u / 2, lamp.edge_v / 2
-    return rt.Mesh([behind - u - v, behind + u - v, behind + u + v, behind - u + v], [(0, 1, 2), (0, 2, 3)])
 
 
 def placed(points: np.ndarray, height: np.ndarray, size=1.0) -> np.ndarray:

@@ -10,6 +10,7 @@ import warp as wp
 
 import warprt as rt
 from warprt.kernels.cast import make_cast, make_cast_packets, make_occluded, make_occluded_packets, make_spawn
+from warprt.kernels.film import settle
 from warprt.kernels.pixels import make_albedo, make_effort
 from warprt.kernels.render import make_render
 from warprt.kernels.spec import Look, Projection, ShapeKind, Spec, Tier
@@ -131,6 +132,7 @@ KERNELS = {
     "paths": lambda: make_render(
         Look(Spec(Tier.ROBUST, frozenset([ShapeKind.SPHERE])), mirrors=True, glass=True, paths=True), is_measured=True
     ),
+    "settle": lambda: settle,
     "albedo": lambda: make_albedo(Look(ALL, **EVERYTHING)),
     "effort": lambda: make_effort(replace(ALL, shapes=frozenset([ShapeKind.MESH, ShapeKind.BOX]))),
     "packets": lambda: make_cast_packets(MESHES),

@@ -95,7 +95,7 @@ def _parser() -> _Parser:
     render.add_argument("--no-clobber", action="store_true", help="refuse to replace a file")
     render.set_defaults(run=_render)
     bench = commands.add_parser("bench", help="measure against wp.Mesh, Embree and Mitsuba")
-    topics = ["rates", "resolution", "scaling", "instances", "specialisation", "leaks", "all-hits", "mitsuba"]
+    topics = ["rates", "resolution", "scaling", "instances", "specialisation", "leaks", "all-hits", "mitsuba", "paths"]
     bench.add_argument("topic", nargs="?", default="rates", choices=topics)
     bench.add_argument("--quick", action="store_true", help="fewer and smaller meshes: under a minute")
     bench.add_argument(

@@ -5,14 +5,18 @@ from collections.abc import Callable
 import numpy as np
 import warp as wp
 
+from warprt.kernels.film import settle
 from warprt.kernels.structs import film_struct
 
 from .image import Image
+from .launch import launch
 
 FILM = ("color", "variance", "samples")
 """Arrays of an `Image` that come of samples."""
 TILE_RAYS = 1 << 17
 """Camera rays between two reports of progress."""
+STEP = 16
+"""Samples after which pixels are looked at whether they need more."""
 
 
 def empty_arrays(names: list[str], width: int, height: int) -> dict[str, np.ndarray]:
@@ -24,26 +28,28 @@ def empty_arrays(names: list[str], width: int, height: int) -> dict[str, np.ndar
 
 
 class Film:
-    """Sums over the samples of `count` pixels from `first` on. noise: of a pixel that is done; None for no such end."""
+    """Sums over the samples of some rows of a picture. noise: of pixels that are done; None for all samples each."""
 
-    def __init__(self, first: int, count: int, names: list[str], noise: float | None, device: wp.Device):
-        self.names = names
-        self.size = count
-        self.device = device
-        self.is_measured = noise is not None or bool(set(names) & {"variance", "samples"})
+    def __init__(
+        self, rows: tuple[int, int], width: int, names: list[str], noise: float | None, device: wp.Device, threads: int
+    ):
+        self.names, self.width, self.device, self.threads = names, width, device, threads
+        self.size = count = width * rows[1]
+        self.is_adaptive = noise is not None
+        self.is_measured = self.is_adaptive or not {"variance", "samples"}.isdisjoint(names)
         self.struct = film_struct(self.is_measured)()
-        self.struct.first = first
+        self.struct.first = width * rows[0]
         self.struct.total = wp.zeros(count, dtype=wp.vec3f, device=device)
         if self.is_measured:
             self.struct.spread = wp.zeros(count, dtype=wp.vec3f, device=device)
             self.struct.count = wp.zeros(count, dtype=wp.int32, device=device)
-            self.struct.noise = -1.0 if noise is None else noise
+            self.struct.is_active = wp.full(count, True, dtype=wp.bool, device=device)
+            self.struct.noise = noise or 0.0
 
     def developed(
         self,
         run: Callable[[int, int, int], None],
         samples: int,
-        width: int,
         progress: Callable[[int, int], None] | None,
         preview: Callable[[Image, int], bool | None] | None,
     ) -> dict[str, np.ndarray]:
@@ -51,13 +57,18 @@ class Film:
 
         run(samples, first, count) brings some pixels to that many samples. See `Tracer.render` for the rest.
         """
+        shown = passes(samples) if preview is not None else [samples]
+        rounds = {*shown, *range(STEP, samples, STEP)} if self.is_adaptive else shown
         before = 0
-        for end in [samples] if preview is None else passes(samples):
+        for end in sorted(rounds):
             self._expose(run, before, end, samples, progress)
             before = end
-            arrays = self.arrays(end, width)
-            if preview is not None and preview(Image(arrays), end) is False:
-                break
+            if self.is_adaptive and end % STEP == 0:
+                launch(settle, self.size, [self.struct, self.width], self.device, self.threads)
+            if end in shown:
+                arrays = self.arrays(end)
+                if preview is not None and preview(Image(arrays), end) is False:
+                    break
         return arrays
 
     def _expose(self, run, before: int, end: int, samples: int, progress) -> None:
@@ -72,7 +83,7 @@ class Film:
         if not self.is_measured:
             self.struct.count = end
 
-    def arrays(self, samples: int, width: int) -> dict[str, np.ndarray]:
+    def arrays(self, samples: int) -> dict[str, np.ndarray]:
         """The arrays that were asked for, of shape (rows, width, ...), after that many samples."""
         count = self.struct.count.numpy() if self.is_measured else samples
         arrays = {}
@@ -83,7 +94,7 @@ class Film:
                 values = self._variance(count)
             else:
                 values = count.copy()
-            arrays[name] = values.reshape(-1, width, *values.shape[1:])
+            arrays[name] = values.reshape(-1, self.width, *values.shape[1:])
         return arrays
 
     def _variance(self, count: np.ndarray) -> np.ndarray:

@@ -86,7 +86,8 @@ class RectangleLight:
     """Light from a rectangle or parallelogram, evenly to the side of edge_u x edge_v, with soft shadows.
 
     Each sample of a pixel sees light from one point of it, so noise falls with `samples`. Rays do not see the light
-    itself, but its `panel()`. Raises ValueError for numbers that are not finite, parallel edges, and a negative or non-finite colour.
+    itself, but its `panel()`. Raises ValueError for numbers that are not finite, parallel edges, and a negative or
+    non-finite colour.
     """
 
     center: ArrayLike

@@ -45,7 +45,7 @@ class Material:
     absorption: ArrayLike = (0.0, 0.0, 0.0)
     """Of glass: light weakens by exp(-absorption * distance) inside."""
     shines: bool = True
-    """Whether its emission lights others; False for what only shows a lamp, whose light is that of a `RectangleLight`."""
+    """Whether its emission lights others; False for what only shows a lamp, such as `RectangleLight.panel`."""
 
     def __post_init__(self):
         object.__setattr__(self, "diffuse", checks.color(self.diffuse, "Material diffuse"))

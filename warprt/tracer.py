@@ -234,8 +234,8 @@ class Tracer:
         max_bounces: surfaces at which a path goes on; 8, or 64 for "path", whose paths mostly end earlier, by chance.
 
         noise: a pixel that has 16, 32, ... samples takes no more once the standard error of its mean, in square roots
-        of light, which are as sRGB about even to the eye, is at most this in each channel: 0.01 is hardly seen. What
-        16 samples all miss is taken for not there.
+        of light, which are about as even to the eye as sRGB, is at most this in each channel, and so for the three
+        pixels to its left and right; 0.01 is hardly seen. What all their samples miss is taken for not there.
 
         progress: True for a progress bar, or called as progress(done, total) now and then with counts of camera rays.
         preview: called as preview(image, samples) with the colour, and variance and samples if asked for, after 1, 2,
@@ -260,10 +260,10 @@ class Tracer:
         arrays: dict[str, np.ndarray] = {}
         of_film = [name for name in names if name in FILM]
         if of_film:
-            film = Film(width * rows[0], width * rows[1], of_film, noise, self.device)
+            film = Film(rows, width, of_film, noise, self.device, self.threads)
             run = self._film_launcher(film, camera, (width, height), max_bounces, integrator)
             with Bar("render", film.size * samples) if progress is True else nullcontext(progress or None) as report:
-                arrays |= film.developed(run, samples, width, report, preview)
+                arrays |= film.developed(run, samples, report, preview)
         of_center = [name for name in names if name not in FILM]
         if of_center:
             arrays |= self._render_fields(camera, width, height, of_center, rows)
