@@ -36,7 +36,7 @@ def _new_axes() -> "Axes3D":
         from matplotlib import pyplot as plt
     except ImportError:
         raise ValueError("CellWalk.plot needs matplotlib: pip install 'warprt[notebook]'") from None
-    axes = plt.figure(figsize=(6.4, 5.6), layout="constrained").add_subplot(projection="3d")
+    axes = plt.figure(figsize=(6.4, 5.6)).add_subplot(projection="3d")
     # Scenes have y up.
     axes.view_init(elev=22, azim=-50, vertical_axis="y")
     return axes
