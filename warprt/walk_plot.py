@@ -38,7 +38,7 @@ def _new_axes() -> "Axes3D":
         raise ValueError("CellWalk.plot needs matplotlib: pip install 'warprt[notebook]'") from None
     axes = plt.figure(figsize=(6.4, 5.6)).add_subplot(projection="3d")
     # Scenes have y up.
-    axes.view_init(elev=22, azim=-50, vertical_axis="y")
+    axes.view_init(elev=25, azim=20, vertical_axis="y")
     return axes
 
 
