@@ -1,8 +1,8 @@
 """Hooks of mkdocs: pages link to the repository's own files, and snippets of several libraries stand side by side.
 
 Pages are written for a reader of the repository as well. A link such as `../kernels/spec.py` leads to that file there;
-in the site it leads to a page that shows the file, a notebook to a page with its text, code and outputs, a picture to its
-copy, and a folder to a list of its files.
+in the site it leads to a page that shows the file, a notebook to a page with its text, code and outputs, a picture to
+its copy, and a folder to a list of its files.
 """
 
 import json
