@@ -1,5 +1,6 @@
 """The pictures of the documentation: `python docs/pictures.py` in the root of a checkout makes them anew."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -63,6 +64,18 @@ def cameras():
     sheet.save(IMAGES / "cameras.jpg", quality=88)
 
 
+def integrators():
+    """The Cornell box lit by its lamp alone, and by what its walls send each other too, with a glass ball in it."""
+    room = rt.load_scene("cornell_box", fill=False)
+    ball = rt.Instance(rt.Sphere((180, 260, 160), 90), material=rt.Material(0, glass=1, absorption=(0.002, 0.001, 0)))
+    tracer = rt.Tracer(replace(room, objects=[*room.objects, ball]))
+    sheet = PIL.Image.new("RGB", (606, 300), "white")
+    for k, (integrator, samples) in enumerate({"whitted": 64, "path": 512}.items()):
+        image = tracer.render(size=(300, 300), samples=samples, integrator=integrator, noise=0.012)
+        sheet.paste(image.to_pil(tone="filmic", exposure=1.6), (306 * k, 0))
+    sheet.save(IMAGES / "integrators.jpg", quality=88)
+
+
 def ripples():
     """The ready scene of that name, as docs/benchmarks.md measures it."""
     image = rt.Tracer(rt.load_scene("ripples")).render(size=(1280, 720), samples=16)
@@ -72,4 +85,5 @@ def ripples():
 if __name__ == "__main__":
     shapes()
     cameras()
+    integrators()
     ripples()
