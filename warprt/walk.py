@@ -31,6 +31,12 @@ class CellWalk:
     """(n,) int32: how many triangles are tested there, eight for each block whose box the ray meets before its hit."""
     visited: np.ndarray
     """(n,) bool: whether the traversal looks at the cell, or jumps over it."""
+    found: np.ndarray
+    """(n,) bool: True for the one cell in which the search finds the closest hit, if that is on a mesh with a grid.
+
+    It is where the triangle is tested first. That can be before the cell that holds the point, and beside the
+    triangle, since triangles are tested eight at a time.
+    """
     corners: np.ndarray
     """(n, 8, 3) float64: corners in world space, the index along z running fastest."""
 
@@ -44,9 +50,11 @@ def walk_cells(tracer: "Tracer", origin: np.ndarray, direction: np.ndarray) -> C
     count = scene.placements.count
     if not (scene.spec.has_mesh and scene.spec.mesh_grid) or not direction.any():
         return _empty()
+    hit = tracer.cast(origin, direction, outputs=("t", "instance_id", "primitive_id"))
     # A little beyond the hit, whose parameter has been rounded.
-    t_max = float(tracer.cast(origin, direction, outputs="t").t) * (1 + 2.0**-22)
+    t_max = float(hit.t) * (1 + 2.0**-22)
     kernel, trail = make_walk_cells(scene.spec), trail_struct()()
+    trail.hit_instance, trail.hit_face = int(hit.instance_id), int(hit.primitive_id)
     first = wp.zeros(count, dtype=wp.int32, device=device)
     counts = wp.empty(count, dtype=wp.int32, device=device)
     most_looked = scene.steps_across()
@@ -59,7 +67,8 @@ def walk_cells(tracer: "Tracer", origin: np.ndarray, direction: np.ndarray) -> C
     if total == 0:
         return _empty()
     first.assign((np.cumsum(lengths) - lengths).astype(np.int32))
-    types = {"cell": wp.vec3i, "t_enter": wp.float64, "t_exit": wp.float64, "candidates": wp.int32, "visited": wp.bool}
+    types = {"cell": wp.vec3i, "t_enter": wp.float64, "t_exit": wp.float64, "candidates": wp.int32}
+    types |= {"visited": wp.bool, "found": wp.bool}
     for name, dtype in types.items():
         setattr(trail, name, wp.empty(total, dtype=dtype, device=device))
     trail.looked, trail.tested = (wp.empty(int(most_looked.sum()), dtype=wp.int32, device=device) for _ in range(2))
@@ -74,9 +83,8 @@ def walk_cells(tracer: "Tracer", origin: np.ndarray, direction: np.ndarray) -> C
 
 def _empty() -> CellWalk:
     none = np.zeros(0, np.int32)
-    return CellWalk(
-        none, np.zeros((0, 3), np.int32), none.astype(float), none.astype(float), none, none > 0, np.zeros((0, 8, 3))
-    )
+    at, is_so = none.astype(float), none > 0
+    return CellWalk(none, np.zeros((0, 3), np.int32), at, at, none, is_so, is_so, np.zeros((0, 8, 3)))
 
 
 def _corners(scene, instance_id: np.ndarray, cell: np.ndarray) -> np.ndarray:
