@@ -175,7 +175,7 @@ function showStep() {
   const first = Math.max(0, Math.min(here - MOST_ROWS / 2, cells.length - MOST_ROWS));
   $("rows").replaceChildren(...cells.slice(first, first + MOST_ROWS).map((cell, k) => cellRow(cell, first + k)));
   $("at").textContent = cells.length && state.step !== null ? `${here + 1} of ${cells.length}` : "";
-  for (const id of ["back", "on", "found"]) $(id).disabled = !cells.length;
+  for (const id of ["back", "on", "found", "zoom"]) $(id).disabled = !cells.length;
   $("clear").disabled = !state.pick;
   const row = $("rows").querySelector(".here");
   if (row) $("list").scrollTop = row.offsetTop - $("list").clientHeight / 2;
@@ -219,6 +219,7 @@ async function save() {
 
 const KEYS = {
   ".": () => say({ type: "step", by: 1 }), ",": () => say({ type: "step", by: -1 }), f: toFound,
+  z: () => say({ type: "zoom" }),
   Escape: () => say({ type: "clear" }),
 };
 
@@ -230,6 +231,7 @@ function onKey(event) {
 }
 
 canvas.addEventListener("pointerdown", (event) => {
+  document.activeElement?.blur(); // so that keys are no longer for a field
   if (event.button !== 0 || !event.shiftKey) return;
   event.preventDefault();
   const box = canvas.getBoundingClientRect();
@@ -251,6 +253,7 @@ $("save").onclick = save;
 $("back").onclick = KEYS[","];
 $("on").onclick = KEYS["."];
 $("found").onclick = toFound;
+$("zoom").onclick = KEYS.z;
 $("clear").onclick = KEYS.Escape;
 addEventListener("keydown", onKey);
 // Keys step on also while one of the 3-D windows has the focus; it has no use for these.

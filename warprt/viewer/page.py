@@ -28,7 +28,9 @@ class Page:
                 kind = next(iter(self._waiting))
                 message = self._waiting.pop(kind)
                 is_bytes = isinstance(message, bytes)
-                await self._connection.send(message if is_bytes else json.dumps({"type": kind, **message}, allow_nan=False))
+                await self._connection.send(
+                    message if is_bytes else json.dumps({"type": kind, **message}, allow_nan=False)
+                )
 
     def hear(self, text: str | bytes, on_message: Callable[["Page", dict], None]) -> None:
         """Hands on what the page says; what is no message is answered with a word on it, and does no harm."""

@@ -63,7 +63,9 @@ def grid_of(text: str) -> str | tuple[int, int, int] | None:
         counts = tuple(int(word) for word in words)
         if all(1 <= count <= MOST_CELLS for count in counts):
             return counts
-    raise ValueError(f'grid must be scene, auto, none or three numbers of 1 to {MOST_CELLS}, as in "8 8 8"; got {text!r}')
+    raise ValueError(
+        f'grid must be scene, auto, none or three numbers of 1 to {MOST_CELLS}, as in "8 8 8"; got {text!r}'
+    )
 
 
 def with_grid(scene: Scene, text: str) -> Scene:

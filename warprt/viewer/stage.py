@@ -28,6 +28,9 @@ SETTLE_S = 1.5
 """A page that has just come may report a camera that it has not been told yet; only so long."""
 FRUSTUM_SIZE, MOST_PIXELS = 0.18, 400
 """Of the first camera: in the browser's units, and of its picture along a side."""
+ZOOM_MARGIN = 2.0
+SEE_THROUGH = 0.22
+"""How opaque the scene is while cells within it are shown."""
 NORMAL_LENGTH = 0.06
 """In the browser's units, in which the picked point is about 1 away from the eye."""
 
@@ -38,7 +41,7 @@ class Stage:
     def __init__(self, space: Space, camera: Camera):
         import viser
 
-        self.space = space
+        self.space, self.home, self.meshes = space, camera, []
         # Whoever comes to viser's own port does not know this, and is sent away before anything is sent to him.
         self.secret = f"http://{secrets.token_hex(16)}.invalid"
         with _quiet():
@@ -77,7 +80,7 @@ class Stage:
         """All meshes, once: the browser keeps them."""
         with self.server.atomic():
             for number, batch in enumerate(drawn.batches):
-                self.server.scene.add_batched_meshes_simple(
+                mesh = self.server.scene.add_batched_meshes_simple(
                     f"/scene/{number}",
                     batch.vertices,
                     batch.faces,
@@ -91,6 +94,16 @@ class Stage:
                     cast_shadow=False,
                     receive_shadow=False,
                 )
+                self.meshes.append(mesh)
+
+    def go_to(self, camera: Camera) -> None:
+        """Moves the cameras of all pages."""
+        for client in self.server.get_clients().values():
+            with client.atomic():
+                client.camera.up_direction = tuple(np.asarray(camera.up, float))
+                client.camera.position = tuple(self.space.to_browser(camera.position))
+                client.camera.look_at = tuple(self.space.to_browser(camera.target))
+                client.camera.fov = float(np.radians(camera.fov_deg))
 
     def stop(self) -> None:
         """Closes the port."""
@@ -103,7 +116,6 @@ class Preview(Stage):
 
     def __init__(self, space: Space, camera: Camera, on_camera: Callable[[Camera], None]):
         super().__init__(space, camera)
-        self._home = camera
         server = self.server
 
         @server.on_client_connect
@@ -116,7 +128,7 @@ class Preview(Stage):
                 view = self._camera_of(moved)
                 if view is None:
                     return
-                is_settled = is_settled or time.monotonic() - came > SETTLE_S or is_same(view, self._home, 1e-3)
+                is_settled = is_settled or time.monotonic() - came > SETTLE_S or is_same(view, self.home, 1e-3)
                 if is_settled:
                     on_camera(view)
 
@@ -125,15 +137,6 @@ class Preview(Stage):
             return self.space.camera(moved.position, moved.wxyz, moved.look_at, moved.up_direction, moved.fov)
         except ValueError:
             return None  # a browser may report what is no view, for a moment
-
-    def go_home(self) -> None:
-        """Moves the cameras of all pages back to where they began."""
-        for client in self.server.get_clients().values():
-            with client.atomic():
-                client.camera.up_direction = tuple(np.asarray(self._home.up, float))
-                client.camera.position = tuple(self.space.to_browser(self._home.position))
-                client.camera.look_at = tuple(self.space.to_browser(self._home.target))
-                client.camera.fov = float(np.radians(self._home.fov_deg))
 
 
 class WorldView(Stage):
@@ -170,6 +173,9 @@ class WorldView(Stage):
         """Draws a path and its cells in place of those before; nothing for no segments."""
         with self.server.atomic():
             self._clear()
+            for mesh in self.meshes:
+                # Both sides would cover each other, in whatever order the triangles come.
+                mesh.side, mesh.opacity = ("front", SEE_THROUGH) if segments else ("double", None)
             if not segments:
                 return
             space = self.space
@@ -191,6 +197,18 @@ class WorldView(Stage):
             if box is not None:
                 self._solid("/path/step", box, AMBER, 0.45)
                 self._line("/path/step edges", edge_lines([box]), AMBER, 4.0)
+
+    def zoom(self, camera: Camera, boxes: list[CellBox]) -> None:
+        """Goes close to cells, beside the first camera's ray; without cells, back to the beginning."""
+        if not boxes:
+            self.go_to(self.home)
+            return
+        corners = self.space.to_world(np.concatenate([box.corners for box in boxes]))
+        right, up, forward = camera.frame()
+        view = -(1.0 * right + 0.45 * up - 0.3 * forward)
+        near = Camera.framing(corners.min(axis=0), corners.max(axis=0), view, self.home.fov_deg)
+        away = near.position - near.target
+        self.go_to(Camera(near.target + ZOOM_MARGIN * away, near.target, camera.up, self.home.fov_deg))
 
     def lines(self, name: str) -> np.ndarray:
         """(n, 2, 3) of what is drawn under a name; empty for none."""
@@ -230,8 +248,8 @@ def from_beside(camera: Camera) -> Camera:
     """A camera that sees another one and what it looks at: from the right, above and behind."""
     right, up, forward = camera.frame()
     away = np.linalg.norm(camera.target - camera.position)
-    middle = camera.position + 0.5 * away * forward
-    return Camera(middle + away * (1.5 * right + 0.8 * up - 0.5 * forward), middle, camera.up, 45.0)
+    middle = camera.position + 0.62 * away * forward
+    return Camera(middle + away * (1.7 * right + 0.85 * up - 0.45 * forward), middle, camera.up, 45.0)
 
 
 @contextlib.contextmanager

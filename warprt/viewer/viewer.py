@@ -1,10 +1,12 @@
 """The viewer: what the pages, the two 3-D windows and the tracing thread have in common."""
 
+import atexit
 import json
 import sys
 import threading
 import time
 from dataclasses import asdict
+from pathlib import Path
 
 from .. import checks
 from ..camera import Camera
@@ -23,7 +25,7 @@ from .refine import Frame, Shot
 from .settings import Settings, devices, with_grid
 from .space import framed, viewing_camera
 from .stage import Preview, WorldView, is_same
-from .web import Web
+from .web import Web, listening
 from .worker import Worker
 
 STILL = 1e-6
@@ -36,7 +38,7 @@ WORLD_S = 0.3
 
 
 def view(
-    scene: Scene | str,
+    scene: Scene | str | Path,
     accuracy: str = "robust",
     device: str | None = None,
     size: tuple[int, int] = (640, 480),
@@ -44,17 +46,24 @@ def view(
     max_bounces: int = 8,
     host: str = "127.0.0.1",
     port: int = 8080,
+    name: str | None = None,
 ) -> "Viewer":
     """Opens a scene in a web page with a preview, a world view and the ray-traced result, and says where it is.
 
     scene: a Scene, a file or the name of a ready scene. size: (width, height) pixels of the result; samples: per pixel,
     reached step by step while the camera rests. host: only this machine can reach the page unless another address is
-    given. port: or the next one that is free. It goes on in the background until `stop()`, or until Python ends.
+    given. port: or the next one that is free; 0 for any. name: the page's title. It goes on in the background until
+    `stop()`, or until Python ends.
 
     In a notebook the result is shown as a frame when it is the last line of a cell. Raises ModuleNotFoundError without
     viser (the extra `viewer`), ValueError as `Tracer` does, OSError when no port is free.
     """
-    viewer = Viewer(scene, accuracy, device, size, samples, max_bounces, host, port)
+    _require_viser()
+    if isinstance(scene, (str, Path)):
+        name = name or Path(scene).stem
+        scene = load_scene(scene)
+    settings = Settings(accuracy, "scene", "color", samples, max_bounces, as_device(device).alias)
+    viewer = Viewer(scene, settings, _checked_size(size), name or "scene", host, port)
     for line in how_to_reach(viewer.host, viewer.port):
         print(line, file=sys.stderr, flush=True)
     return viewer
@@ -63,13 +72,10 @@ def view(
 class Viewer:
     """A viewer that runs; `view` makes one. All pages that are open on it show the same."""
 
-    def __init__(self, scene, accuracy, device, size, samples, max_bounces, host, port):
-        _require_viser()
-        self.name = scene if isinstance(scene, str) else "scene"
-        self.scene = load_scene(scene) if isinstance(scene, str) else scene
-        self.size = tuple(checks.integer(side, "size", 1, MOST_SIDE) for side in size)
-        self.settings = Settings(accuracy, "scene", "color", samples, max_bounces, as_device(device).alias)
-        tracer = Tracer(self.scene, accuracy, device)
+    def __init__(self, scene: Scene, settings: Settings, size: tuple[int, int], name: str, host: str, port: int):
+        self.scene, self.settings, self.size, self.name = scene, settings, size, name
+        tracer = Tracer(scene, settings.accuracy, settings.device)
+        place = listening(host, port)
         self.camera, note = viewing_camera(tracer)
         self.space = framed(tracer, self.camera)
         shown = drawn(self.scene, self.space)
@@ -93,19 +99,16 @@ class Viewer:
             "preview": (self._preview.port, self._preview.secret),
             "world": (self._world.port, self._world.secret),
         }
-        try:
-            self._web = Web(host, port, stages, self._join, self._hear, lambda: self._picture)
-        except OSError:
-            self._preview.stop()
-            self._world.stop()
-            raise
-        self.host, self.port = host, self._web.port
+        self._web = Web(host, place, stages, self._join, self._hear, lambda: self._picture)
+        self.host, self.port = host, place.getsockname()[1]
         self._worker.start()
         # The picture first: the meshes are of no use before a page is there.
         self._render()
         for stage in (self._preview, self._world):
             stage.show_scene(shown)
         _running.add(self)
+        # After those of viser, so that it runs before them.
+        atexit.register(self.stop)
 
     @property
     def url(self) -> str:
@@ -118,18 +121,18 @@ class Viewer:
     def _repr_html_(self) -> str:
         """The page in a frame, for notebooks."""
         return (
-            f'<iframe src="{self.url}" width="100%" height="640" style="border: 1px solid #ccc" allow="clipboard-write">'
-            f"</iframe><div><small>{self.url}; from another machine, forward port {self.port}.</small></div>"
+            f'<iframe src="{self.url}" width="100%" height="640" style="border: 1px solid #ccc" '
+            f'allow="clipboard-write"></iframe>'
+            f"<div><small>{self.url}; from another machine, forward port {self.port}.</small></div>"
         )
 
     def wait(self) -> None:
-        """Returns when the viewer is stopped; KeyboardInterrupt stops it."""
+        """Returns when the viewer is stopped, which Ctrl-C does."""
         try:
             while not self._is_stopped.wait(0.5):
                 pass
         except KeyboardInterrupt:
             self.stop()
-            raise
 
     def stop(self) -> None:
         """Closes the page's port and ends the rendering. A second call does nothing."""
@@ -141,6 +144,7 @@ class Viewer:
         self._preview.stop()
         self._world.stop()
         _running.discard(self)
+        atexit.unregister(self.stop)
 
     def _render(self) -> None:
         """Begins the picture anew."""
@@ -209,7 +213,8 @@ class Viewer:
             "clear": lambda page, message: self._worker.do(self._clear),
             "step": self._hear_step,
             "set": self._hear_set,
-            "home": lambda page, message: self._preview.go_home(),
+            "home": lambda page, message: self._preview.go_to(self._preview.home),
+            "zoom": lambda page, message: self._worker.do(lambda: self._world.zoom(self.camera, self._boxes)),
             "camera": lambda page, message: page.tell("camera", {"text": camera_as_python(self.camera)}),
         }
         if message["type"] not in answers:
@@ -311,10 +316,17 @@ def _window(message: dict) -> Window:
     return Window(message["width"], message["height"], message.get("ratio", 1.0))
 
 
+def _checked_size(size) -> tuple[int, int]:
+    try:
+        width, height = size
+    except (TypeError, ValueError):
+        raise ValueError(f"size must be (width, height); got {size!r}") from None
+    return checks.integer(width, "width", 1, MOST_SIDE), checks.integer(height, "height", 1, MOST_SIDE)
+
+
 def _stem(name: str) -> str:
     """A file name of letters that any browser takes."""
-    stem = name.replace("\\", "/").rsplit("/", 1)[-1].rsplit(".", 1)[0]
-    return "".join(letter if letter.isascii() and letter.isalnum() else "_" for letter in stem) or "scene"
+    return "".join(letter if letter.isascii() and letter.isalnum() else "_" for letter in name) or "scene"
 
 
 def _require_viser() -> None:
@@ -323,6 +335,4 @@ def _require_viser() -> None:
     except ModuleNotFoundError as error:
         if error.name != "viser":
             raise
-        raise ModuleNotFoundError(
-            "the viewer needs viser: pip install 'warprt[viewer]'", name="viser"
-        ) from None
+        raise ModuleNotFoundError("the viewer needs viser: pip install 'warprt[viewer]'", name="viser") from None

@@ -14,6 +14,7 @@ from collections.abc import Callable
 from importlib import resources
 from pathlib import Path
 
+from .. import checks
 from .hosts import is_expected, is_own_page, names_of
 from .page import Page
 
@@ -31,26 +32,25 @@ HEADERS = {
     "Cross-Origin-Resource-Policy": "same-origin",
     "Referrer-Policy": "no-referrer",
 }
-POLICY = "default-src 'self'; img-src 'self' blob: data:; style-src 'self' 'unsafe-inline'; frame-src 'self'; object-src 'none'"
+POLICY = "default-src 'self'; img-src 'self' blob: data:; object-src 'none'"
 BARE = (
-    "<style>.mantine-Notifications-root, .mantine-Paper-root, .mantine-Modal-root "
-    "{ display: none !important; }</style>"
+    "<style>.mantine-Notifications-root, .mantine-Paper-root, .mantine-Modal-root { display: none !important; }</style>"
 )
 """viser's own panel would repeat ours, in too small a window."""
 
 
 def listening(host: str, port: int) -> socket.socket:
     """A socket at the port, or the next one that is free. Raises OSError where there is none."""
+    port = checks.integer(port, "port", 0, 65535)
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
     last = port if port == 0 else min(port + MOST_PORTS, 65535)
     for candidate in range(port, last + 1):
         try:
             return socket.create_server((host, candidate), family=family)
         except OSError as error:
-            reason = error
-            if not isinstance(error, PermissionError) and error.errno != errno.EADDRINUSE:
-                break
-    raise OSError(f"cannot listen on {host}, port {port}: {reason.strerror or reason}")
+            if error.errno != errno.EADDRINUSE:
+                raise OSError(f"cannot listen on {host}, port {candidate}: {error.strerror or error}") from None
+    raise OSError(f"cannot listen on {host}: all ports from {port} to {last} are taken")
 
 
 class Web:
@@ -63,14 +63,13 @@ class Web:
     def __init__(
         self,
         host: str,
-        port: int,
+        place: socket.socket,
         stages: dict[str, tuple[int, str]],
         on_join: Callable[[Page], None],
         on_message: Callable[[Page, dict], None],
         picture: Callable[[], tuple[str, bytes] | None],
     ):
-        self._socket = listening(host, port)
-        self.host, self.port = host, self._socket.getsockname()[1]
+        self._socket = place
         self._names, self._stages = names_of(host), stages
         self._on_join, self._on_message, self._picture = on_join, on_message, picture
         self._files = _files()
@@ -182,7 +181,10 @@ async def _forward(browser, port: int, secret: str) -> None:
     )
     try:
         async with upstream as viser:
-            ways = [asyncio.create_task(_carry(browser, viser, _is_allowed)), asyncio.create_task(_carry(viser, browser))]
+            ways = [
+                asyncio.create_task(_carry(browser, viser, _is_allowed)),
+                asyncio.create_task(_carry(viser, browser)),
+            ]
             _, left = await asyncio.wait(ways, return_when=asyncio.FIRST_COMPLETED)
             for way in left:
                 way.cancel()
