@@ -86,11 +86,12 @@ def _segment(tracer: Tracer, origin: np.ndarray, direction: np.ndarray, hits) ->
 
 def placement_of(scene: Scene, instance_id: int):
     """(the Instance or Instances with that placement, which of its placements)."""
+    left = instance_id
     for item in scene.objects:
         count = 1 if isinstance(item, Instance) else len(item)
-        if instance_id < count:
-            return item, instance_id
-        instance_id -= count
+        if left < count:
+            return item, left
+        left -= count
     raise ValueError(f"the scene has no instance {instance_id}")
 
 
