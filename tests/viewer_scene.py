@@ -9,7 +9,7 @@ SIZE = (80, 60)
 
 
 def viewer_scene() -> rt.Scene:
-    """A ball in a grid of 6 x 6 x 6, before a mirror at z = -2 that faces the camera.
+    """A ball in a grid of 16 x 16 x 16, before a mirror at z = -2 that faces the camera.
 
     The rest is out of sight: with it, kernels are those of the ready scene "knot", and compiled once for both.
     """
@@ -19,7 +19,7 @@ def viewer_scene() -> rt.Scene:
     return rt.Scene(
         [
             rt.Instance(
-                rt.Mesh(ball.vertices, ball.faces, grid=(6, 6, 6)).smooth(),
+                rt.Mesh(ball.vertices, ball.faces, grid=(16, 16, 16)).smooth(),
                 None,
                 rt.Material((0.7, 0.4, 0.2), specular=0.1),
             ),

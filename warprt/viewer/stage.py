@@ -120,7 +120,8 @@ class Preview(Stage):
 
         @server.on_client_connect
         def _(client) -> None:
-            came, is_settled = time.monotonic(), False
+            came, first = time.monotonic(), self._camera_of(client.camera)
+            is_settled = first is not None and is_same(first, self.home, 1e-3)
 
             @client.camera.on_update
             def _(moved) -> None:
