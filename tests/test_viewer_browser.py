@@ -70,7 +70,7 @@ class Opened:
         if not has_3d:
             # WebGL without a GPU takes seconds for each window.
             for name in ("preview", "world"):
-                self.context.route(f"**/{name}/**", lambda route: route.abort())
+                self.context.route(f"**/{name}/**", lambda route: route.fulfill(body=""))
         self.page, self.errors = self.context.new_page(), []
         self.page.set_default_timeout(TIMEOUT_MS)
         self.page.on("pageerror", lambda error: self.errors.append(str(error)))
