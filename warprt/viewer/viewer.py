@@ -234,7 +234,7 @@ class Viewer:
             if number not in self._cameras:
                 raise ValueError("that picture is too old; click again")
             camera = self._cameras[number]
-        self._worker.do(lambda: self.pick(pixel, camera, number))
+        self._worker.do(lambda: self._trace_pick(pixel, camera, number))
 
     def _hear_step(self, page: Page, message: dict) -> None:
         to = message.get("to")
@@ -270,10 +270,10 @@ class Viewer:
             self._web.tell_all("settings", asdict(self.settings))
             self._web.tell_all("busy", {"text": ""})
         if self._pick is not None:
-            self.pick(tuple(self._pick["pixel"]), self._picked_camera, self._pick["view"])
+            self._trace_pick(tuple(self._pick["pixel"]), self._picked_camera, self._pick["view"])
         self._render()
 
-    def pick(self, pixel: tuple[int, int], camera: Camera, number: int) -> None:
+    def _trace_pick(self, pixel: tuple[int, int], camera: Camera, number: int) -> None:
         """Shows the path of a pixel. For the tracing thread."""
         segments = trace_path(self._worker.tracer, camera, self.size, pixel, self.settings.bounces)
         boxes = boxes_of(segments, self.space)
