@@ -6,8 +6,7 @@ import trimesh
 
 import warprt as rt
 from warprt.quaternions import compose
-from warprt.viewer import batches
-from warprt.viewer.batches import drawn
+from warprt.viewer.batches import WITH_GPU, WITHOUT_GPU, Budget, drawn
 from warprt.viewer.decimate import decimated
 from warprt.viewer.space import Space
 
@@ -100,26 +99,30 @@ def test_ten_thousand_copies_are_made_light_and_it_is_said(rng):
     statue = rt.Mesh(ball.vertices * 3, ball.faces)
     scene = rt.Scene([statue, rt.Instances(mesh, random_matrices(rng, 10_000, False))])
     found = drawn(scene, SPACE)
-    assert triangles_in(found) <= batches.MOST_DRAWN
+    assert triangles_in(found) <= WITH_GPU.drawn
     # What there is one of stays as it is; what there are many of does not.
     assert len(found.batches[0].faces) == 5120
     assert len(found.batches[1].position) == 10_000
     assert len(found.batches[1].faces) == 12
     assert found.notes == ["A Mesh of 5,120 triangles in 10,000 copies is shown as a box."]
+    # A browser without a GPU gets as much as that can draw.
+    light = drawn(scene, SPACE, WITHOUT_GPU)
+    # A box has 12 triangles, and is the least there is.
+    assert 1000 < triangles_in(light) <= WITHOUT_GPU.drawn + 12 * WITHOUT_GPU.copies
+    assert sum(len(batch.position) for batch in light.batches) <= WITHOUT_GPU.copies
+    assert light.notes[0].startswith("10,001 placements: 1 in 10 is shown")
 
 
-def test_more_copies_than_a_browser_takes_are_thinned_out(monkeypatch, rng):
-    monkeypatch.setattr(batches, "MOST_COPIES", 100)
+def test_more_copies_than_a_browser_takes_are_thinned_out(rng):
     scene = rt.Scene([rt.Instances(rt.Box((0, 0, 0), (1, 1, 1)), random_matrices(rng, 1000, False)), rt.Sphere()])
-    found = drawn(scene, SPACE)
+    found = drawn(scene, SPACE, Budget(10_000, 10_000, 100))
     assert [len(batch.position) for batch in found.batches] == [99, 1]
     assert found.notes[0].startswith("1,001 placements: 1 in 10 is shown")
 
 
-def test_large_mesh_is_decimated(monkeypatch):
-    monkeypatch.setattr(batches, "MOST_SENT", 1000)
+def test_large_mesh_is_decimated():
     ball = trimesh.creation.icosphere(5)
-    found = drawn(rt.Scene([rt.Mesh(ball.vertices, ball.faces)]), SPACE)
+    found = drawn(rt.Scene([rt.Mesh(ball.vertices, ball.faces)]), SPACE, Budget(10_000, 1000, 100))
     count = len(found.batches[0].faces)
     assert 400 < count <= 1000
     assert found.notes == [f"A Mesh of 20,480 triangles is shown with {count:,}."]

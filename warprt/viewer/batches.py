@@ -19,12 +19,18 @@ from ..texture import linear
 from .decimate import decimated
 from .space import Space
 
-MOST_DRAWN = 500_000
-"""Triangles that a browser draws in all, copies counted."""
-MOST_SENT = 300_000
-"""Triangles of one shape."""
-MOST_COPIES = 50_000
-"""Placements in all: each costs a browser about as much as a hundred triangles."""
+
+@dataclass(frozen=True)
+class Budget:
+    """What a browser can take."""
+
+    drawn: int  # triangles in all, copies counted
+    sent: int  # triangles of one shape
+    copies: int  # placements in all
+
+
+WITH_GPU, WITHOUT_GPU = Budget(500_000, 300_000, 50_000), Budget(15_000, 15_000, 1_000)
+"""Without one, WebGL draws about a million triangles a second (measured on two cores), and everything waits for it."""
 FEWEST = 60
 """A shape of fewer triangles than this is no longer itself: a box says as much."""
 PLANE_REACH = 50.0
@@ -60,31 +66,35 @@ class _Group:
     colors: np.ndarray
 
 
-def drawn(scene: Scene, space: Space) -> Drawn:
+def drawn(scene: Scene, space: Space, budget: Budget = WITH_GPU) -> Drawn:
     """A scene as batches of meshes."""
     found, groups = Drawn(), list(_groups(scene))
     total = sum(len(group.matrices) for group in groups)
     found.batches += [_plane_batch(group, space) for group in groups if isinstance(group.shape, Plane)]
-    solid = [_fewer_copies(group, total, found.notes) for group in groups if not isinstance(group.shape, Plane)]
+    solid = [
+        _fewer_copies(group, total, budget.copies, found.notes)
+        for group in groups
+        if not isinstance(group.shape, Plane)
+    ]
     meshes = [_triangles(group.shape) for group in solid]
     counts = [len(group.matrices) for group in solid]
-    most = _shares([len(faces) * count for (_, faces), count in zip(meshes, counts, strict=True)])
+    most = _share([len(faces) * count for (_, faces), count in zip(meshes, counts, strict=True)], budget.drawn)
     for group, mesh, count in zip(solid, meshes, counts, strict=True):
-        fewer = _fewer_faces(group, *mesh, min(MOST_SENT, most // count), found.notes)
+        fewer = _fewer_faces(group, *mesh, min(budget.sent, most // count), found.notes)
         found.batches += _placed(group, *fewer, space)
     found.notes = list(dict.fromkeys(found.notes))
     return found
 
 
-def _shares(drawn: list[int]) -> int:
-    """The most triangles of a group such that all together are MOST_DRAWN or fewer: small groups keep theirs."""
-    left, share = MOST_DRAWN, MOST_DRAWN
+def _share(drawn: list[int], most: int) -> int:
+    """The most triangles of a group such that all together are `most` or fewer: small groups keep theirs."""
+    left, share = most, most
     for k, count in enumerate(sorted(drawn)):
         share = left // (len(drawn) - k)
         if count > share:
             return share
         left -= count
-    return MOST_DRAWN
+    return most
 
 
 def _groups(scene: Scene) -> Iterator[_Group]:
@@ -117,12 +127,12 @@ def _bytes(colors: np.ndarray) -> np.ndarray:
     return np.rint(255 * colors).astype(np.uint8)
 
 
-def _fewer_copies(group: _Group, total: int, notes: list[str]) -> _Group:
-    if total <= MOST_COPIES:
+def _fewer_copies(group: _Group, total: int, most: int, notes: list[str]) -> _Group:
+    if total <= most:
         return group
     count = len(group.matrices)
-    keep = np.linspace(0, count - 1, max(1, count * MOST_COPIES // total)).round().astype(int)
-    notes.append(f"{total:,} placements: 1 in {total / MOST_COPIES:.3g} is shown; the result has all.")
+    keep = np.linspace(0, count - 1, max(1, count * most // total)).round().astype(int)
+    notes.append(f"{total:,} placements: 1 in {total / most:.3g} is shown; the result has all.")
     return _Group(group.shape, group.matrices[keep], group.colors[keep])
 
 

@@ -39,6 +39,9 @@ const receivers = {
       const select = $("settings").elements[name];
       select.replaceChildren(...values.map((value) => new Option(value.replaceAll("_", " "), value)));
     }
+    receivers.notes(message);
+  },
+  notes(message) {
     $("remarks").replaceChildren(...message.notes.map((note) => make("li", note)));
   },
   settings(message) {
@@ -71,10 +74,21 @@ async function receiveFrame(buffer) {
   $("progress").textContent = `${header.size[0]} x ${header.size[1]} ${header.output.replaceAll("_", " ")} ${part}${most}${done}`;
 }
 
+function hasGpu() {
+  const gl = document.createElement("canvas").getContext("webgl2");
+  const names = gl && gl.getExtension("WEBGL_debug_renderer_info");
+  return !names || !/swiftshader|llvmpipe|software/i.test(gl.getParameter(names.UNMASKED_RENDERER_WEBGL));
+}
+
 // The 3-D windows, which take a browser a second or more to set up: only after the first picture is there.
 function openWindows() {
-  for (const frame of document.querySelectorAll("iframe[data-src]")) {
-    frame.src = frame.dataset.src;
+  const frames = document.querySelectorAll("iframe[data-src]");
+  if (!frames.length) return;
+  // Without a GPU, fewer triangles and a quarter of the pixels leave the page time for the rest.
+  const isWeak = !hasGpu(), detail = isWeak ? "&fixedDpr=0.5" : "";
+  if (isWeak) say({ type: "weak" });
+  for (const frame of frames) {
+    frame.src = frame.dataset.src + detail;
     frame.removeAttribute("data-src");
   }
 }

@@ -77,8 +77,11 @@ class Stage:
         begin.look_at = tuple(space.to_browser(camera.target))
 
     def show_scene(self, drawn: Drawn) -> None:
-        """All meshes, once: the browser keeps them."""
+        """All meshes, in place of those before: the browser keeps them."""
         with self.server.atomic():
+            for mesh in self.meshes:
+                mesh.remove()
+            self.meshes.clear()
             for number, batch in enumerate(drawn.batches):
                 mesh = self.server.scene.add_batched_meshes_simple(
                     f"/scene/{number}",

@@ -14,7 +14,7 @@ from ..image import OUTPUTS
 from ..scene import Scene
 from ..scene_files import load_scene
 from ..tracer import TIERS, Tracer, as_device
-from .batches import drawn
+from .batches import WITHOUT_GPU, drawn
 from .cell_lines import CellBox, boxes_of
 from .fit import Window, fitted, pixel_at
 from .page import Page
@@ -33,7 +33,7 @@ STILL = 1e-6
 REMEMBERED = 256
 """Cameras of late pictures: a click is on what was shown, not on what is about to be."""
 MOST_SIDE = 8192
-WORLD_S = 0.3
+WORLD_S = 1.0
 """Between two changes of the first camera in the world view, which a browser draws anew each time."""
 
 
@@ -78,10 +78,9 @@ class Viewer:
         place = listening(host, port)
         self.camera, note = viewing_camera(tracer)
         self.space = framed(tracer, self.camera)
-        shown = drawn(self.scene, self.space)
-        self.notes = ([note] if note else []) + shown.notes
-        if not self.scene.objects:
-            self.notes.insert(0, "The scene is empty.")
+        shown, self._is_light = drawn(self.scene, self.space), False
+        self._notes = ([] if self.scene.objects else ["The scene is empty."]) + ([note] if note else [])
+        self.notes = self._notes + shown.notes
         self._lock = threading.RLock()
         self._view, self._cameras = 0, {0: self.camera}
         self._frame: bytes | None = None
@@ -213,6 +212,7 @@ class Viewer:
             "clear": lambda page, message: self._worker.do(self._clear),
             "step": self._hear_step,
             "set": self._hear_set,
+            "weak": lambda page, message: self._worker.do(self._lighten),
             "home": lambda page, message: self._preview.go_to(self._preview.home),
             "zoom": lambda page, message: self._worker.do(lambda: self._world.zoom(self.camera, self._boxes)),
             "camera": lambda page, message: page.tell("camera", {"text": camera_as_python(self.camera)}),
@@ -290,6 +290,18 @@ class Viewer:
             self._segments, self._boxes, self._pick, self._step = [], [], None, None
         self._world.show_path([], [])
         self._web.tell_all("pick", {"pixel": None, "segments": [], "cells": [], "view": -1})
+
+    def _lighten(self) -> None:
+        """Shows less in the 3-D windows: a page has no GPU to draw them."""
+        if self._is_light:
+            return
+        self._is_light, shown = True, drawn(self.scene, self.space, WITHOUT_GPU)
+        if shown.notes:
+            shown.notes.insert(0, "This browser draws without a GPU, so that the preview and world view show less:")
+        self.notes = self._notes + shown.notes
+        for stage in (self._preview, self._world):
+            stage.show_scene(shown)
+        self._web.tell_all("notes", {"notes": self.notes})
 
     def _go(self, to: int | None, by: int) -> None:
         """Marks another cell of the path: the one of that number, or so many on."""

@@ -7,6 +7,10 @@ from collections.abc import Callable, Iterator
 from .refine import Frame, Pace, Shot, frames
 
 
+REST_S = 0.1
+"""A camera that has not moved for so long rests."""
+
+
 class Worker:
     """Traces for all pages. Nothing else may use its tracer, which is replaced on this thread alone.
 
@@ -66,17 +70,25 @@ class Worker:
                 self._attempt(job)
             if is_new:
                 pieces = None if shot is None else frames(self.tracer, shot, self._pace)
-            elif job is None and pieces is not None and not self._attempt(lambda pieces=pieces: self._piece(pieces)):
-                pieces = None
+            elif job is None and pieces is not None:
+                is_more = self._attempt(lambda pieces=pieces, shot=shot: self._piece(pieces, shot))
+                pieces = pieces if is_more else None
 
-    def _piece(self, pieces: Iterator[Frame | None]) -> bool:
+    def _piece(self, pieces: Iterator[Frame | None], shot: Shot) -> bool:
         """Does one piece of a picture; whether there may be more."""
         for frame in pieces:
-            # Though another may be wanted by now: while a camera keeps moving, late pictures are better than none.
             if frame is not None:
+                # Though another may be wanted by now: while a camera keeps moving, late pictures are better than none.
                 self._show(frame)
+                if frame.step > 1:
+                    self._await_rest(shot)
             return True
         return False
+
+    def _await_rest(self, shot: Shot) -> None:
+        """Leaves the processors to a browser on this machine, until the camera rests or has moved on."""
+        with self._changed:
+            self._changed.wait_for(lambda: self._is_stopped or self._jobs or self._wanted is not shot, REST_S)
 
     def _attempt(self, work: Callable[[], bool | None]) -> bool | None:
         """What the work returns; None if it fails, which is said."""
