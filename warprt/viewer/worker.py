@@ -6,7 +6,6 @@ from collections.abc import Callable, Iterator
 
 from .refine import Frame, Pace, Shot, frames
 
-
 REST_S = 0.1
 """A camera that has not moved for so long rests."""
 
