@@ -135,7 +135,8 @@ def _fine(tracer, shot, samples, before, pace) -> Iterator[Frame | None]:
         color[row : row + count] = band["color"]
         row += count
         if row < height:
-            is_due = time.perf_counter() - shown > SHOW_S
+            # Where there is a whole picture already, more samples change little.
+            is_due = time.perf_counter() - shown > (SHOW_S if samples == 1 else 4 * SHOW_S)
             shown = time.perf_counter() if is_due else shown
             yield Frame(shot, _levels(color), 1, samples, False) if is_due else None
     return color
