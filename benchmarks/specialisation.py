@@ -3,10 +3,10 @@
 from dataclasses import replace
 
 import numpy as np
-import warp as wp
 
 import warprt as rt
 from warprt.assemble import assemble_look
+from warprt.film import Film
 from warprt.kernels.render import make_render
 from warprt.kernels.spec import Look, ShapeKind
 from warprt.kernels.structs import look_struct, scene_struct
@@ -21,11 +21,11 @@ def measure(size: int, rounds: int, threads: int) -> dict:
     look, lights = assemble_look(tracer.scene, scene.spec, tracer.device)
     everything = Look(replace(scene.spec, shapes=frozenset(ShapeKind)), True, True, True, True)
     camera = tracer.scene.camera.struct(size, size)
-    color = wp.empty(size * size, dtype=wp.vec3f, device=tracer.device)
 
     def picture(kernel, geometry, shading):
-        launch(kernel, size * size, [geometry, shading, camera, 1, 8, color], tracer.device, threads)
-        return color.numpy().copy()
+        film = Film((0, size), size, ["color"], None, tracer.device, threads)
+        launch(kernel, size * size, [geometry, shading, camera, film.struct, 1, 8], tracer.device, threads)
+        return film.arrays(1)["color"]
 
     def recast(make, spec, struct):
         other = make(spec)()

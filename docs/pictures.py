@@ -63,6 +63,13 @@ def cameras():
     sheet.save(IMAGES / "cameras.jpg", quality=88)
 
 
+def ripples():
+    """The ready scene of that name, as docs/benchmarks.md measures it."""
+    image = rt.Tracer(rt.load_scene("ripples")).render(size=(1280, 720), samples=16)
+    image.to_pil().save(IMAGES / "ripples.jpg", quality=86)
+
+
 if __name__ == "__main__":
     shapes()
     cameras()
+    ripples()

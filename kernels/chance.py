@@ -4,8 +4,6 @@ import warp as wp
 
 Primes = wp.types.vector(16, wp.int32)
 PRIMES = wp.constant(Primes(2, 3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37, 41, 43, 47, 53))
-DIMENSIONS = wp.constant(3)
-"""Of each bounce: what glass does, and a point of a light."""
 
 
 @wp.func

@@ -4,9 +4,9 @@ from functools import cache
 
 import warp as wp
 
-from .chance import DIMENSIONS, chance
+from .chance import chance
 from .generic import Vec3, Wide
-from .spec import Look, Search
+from .spec import Choice, Look, Search
 from .structs import lit_struct, look_struct, point_struct, scene_struct, vec3
 from .surface import leave
 from .trace import make_trace
@@ -95,12 +95,15 @@ def spot_share(direction: Vec3, to_light: Vec3, cos_inner: Wide, cos_outer: Wide
 @cache
 def make_rectangle_position(look: Look):
     """Where on a rectangle a sample's light comes from, in [0, 1)^2: evenly over the samples of a pixel."""
-    Point = point_struct(look)
+    Point, dimensions, u, v = point_struct(look), look.dimensions, int(Choice.LIGHT_U), int(Choice.LIGHT_V)
 
     @wp.func
     def rectangle_position(p: Point, k: int):
-        dimension = DIMENSIONS * p.bounce + 1
-        return chance(p.pixel, p.sample, dimension, k), chance(p.pixel, p.sample, dimension + 1, k)
+        first = wp.static(dimensions) * p.bounce
+        return (
+            chance(p.pixel, p.sample, first + wp.static(u), k),
+            chance(p.pixel, p.sample, first + wp.static(v), k),
+        )
 
     return rectangle_position
 
@@ -115,12 +118,14 @@ def make_direct(look: Look):
     lamp = make_lamp(look) if has_point or has_spot or has_rectangle else None
     occluded = make_trace(look.spec, Search.ANY) if has_sun else None
     cosine_to, add_light = (make_cosine(look), make_add_light(look)) if has_sun else (None, None)
-    wide, vec = look.spec.tier.wide, vec3(look.spec.tier.wide)
+    wide, vec, has_ambient = look.spec.tier.wide, vec3(look.spec.tier.wide), not look.paths
 
     @wp.func
     def direct(scene: Scene, lights: Lights, p: Point) -> Lit:
         lit = Lit()
-        lit.light = lights.ambient
+        if wp.static(has_ambient):
+            # It stands for what surfaces send each other, which paths follow.
+            lit.light = lights.ambient
         zero = wide(0.0)
         if wp.static(has_point):
             for k in range(lights.point_position.shape[0]):

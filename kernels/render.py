@@ -5,46 +5,69 @@ from functools import cache
 import warp as wp
 
 from .camera import PRIMARY_RAY, sample_position
+from .film import spread_after
 from .shade import make_radiance
 from .spec import Look, Projection
-from .structs import camera_struct, look_struct, path_struct, scene_struct, vec3
+from .structs import camera_struct, film_struct, look_struct, path_struct, scene_struct, vec3
 
 
 @cache
-def make_render(look: Look, projection: Projection = Projection.PINHOLE):
-    """Mean colour of each pixel over its samples, row by row from the top; of one projection, no other is there."""
+def make_sample(look: Look, projection: Projection):
+    """Colour of one sample of a pixel; of one projection, no other is there."""
     Scene, Lights, Camera = scene_struct(look.spec), look_struct(look), camera_struct(projection)
     primary_ray, is_round = PRIMARY_RAY[projection], projection is Projection.FISHEYE
     radiance, vec, Path, has_chance = make_radiance(look), vec3(look.spec.tier.wide), path_struct(look), look.has_chance
 
-    @wp.kernel(module="unique", enable_backward=False, module_options=look.spec.tier.options)
-    def render(
-        scene: Scene,
-        lights: Lights,
-        camera: Camera,
-        samples: int,
-        max_bounces: int,
-        color: wp.array(dtype=wp.vec3f),
-        first: int,
-    ):
-        pixel = first + wp.tid()
+    @wp.func
+    def sample(scene: Scene, lights: Lights, camera: Camera, pixel: int, k: int, max_bounces: int) -> wp.vec3f:
         row, column = wp.float64(pixel / camera.width), wp.float64(pixel % camera.width)
-        total = wp.vec3f()
-        for k in range(samples):
-            x, y = sample_position(k)
-            o, d = primary_ray(camera, column + x, row + y)
-            path = Path()
-            path.o = vec(o)
-            path.d = vec(d)
-            if wp.static(has_chance):
-                path.pixel = pixel
-                path.sample = k
-            if wp.static(is_round):
-                # Outside the circle nothing is seen, not even the background.
-                if wp.length_sq(d) > wp.float64(0.0):
-                    total += radiance(scene, lights, path, max_bounces)
-            else:
-                total += radiance(scene, lights, path, max_bounces)
-        color[pixel] = total / wp.float32(samples)
+        x, y = sample_position(k)
+        o, d = primary_ray(camera, column + x, row + y)
+        if wp.static(is_round):
+            # Outside the circle nothing is seen, not even the background.
+            if not wp.length_sq(d) > wp.float64(0.0):
+                return wp.vec3f()
+        path = Path()
+        path.o = vec(o)
+        path.d = vec(d)
+        if wp.static(has_chance):
+            path.pixel = pixel
+            path.sample = k
+        return radiance(scene, lights, path, max_bounces)
 
-    return render
+    return sample
+
+
+@cache
+def make_render(look: Look, projection: Projection = Projection.PINHOLE, is_measured: bool = False):
+    """Adds samples to pixels, row by row from the top, until each has `samples` of them.
+
+    is_measured: how far samples spread is kept too, and pixels that are done take no more.
+    """
+    Scene, Lights, Camera = scene_struct(look.spec), look_struct(look), camera_struct(projection)
+    Film, sample = film_struct(is_measured), make_sample(look, projection)
+    options = {"module": "unique", "enable_backward": False, "module_options": look.spec.tier.options}
+
+    @wp.kernel(**options)
+    def render(scene: Scene, lights: Lights, camera: Camera, film: Film, samples: int, max_bounces: int, first: int):
+        at = first + wp.tid()
+        total = wp.vec3f(film.total[at])
+        for k in range(film.count, samples):
+            total += sample(scene, lights, camera, film.first + at, k, max_bounces)
+        film.total[at] = total
+
+    @wp.kernel(**options)
+    def measure(scene: Scene, lights: Lights, camera: Camera, film: Film, samples: int, max_bounces: int, first: int):
+        at = first + wp.tid()
+        if not film.is_active[at]:
+            return
+        total, spread = wp.vec3f(film.total[at]), wp.vec3f(film.spread[at])
+        for k in range(film.count[at], samples):
+            value = sample(scene, lights, camera, film.first + at, k, max_bounces)
+            spread = spread_after(spread, total, k, value)
+            total += value
+        film.total[at] = total
+        film.spread[at] = spread
+        film.count[at] = samples
+
+    return measure if is_measured else render

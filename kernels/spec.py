@@ -99,6 +99,20 @@ class Spec:
         return self.shapes == {ShapeKind.MESH} and self.mesh_grid and not self.instance_grid
 
 
+class Choice(IntEnum):
+    """What a path chooses at a surface, each by a number of its own; those from LAYER on only where light goes on."""
+
+    FRESNEL = 0
+    """Whether glass reflects or lets through."""
+    LIGHT_U = 1
+    LIGHT_V = 2
+    LAYER = 3
+    """Whether it is scattered evenly or goes on as a mirror or glass says."""
+    DIRECTION_U = 4
+    DIRECTION_V = 5
+    SURVIVAL = 6
+
+
 @dataclass(frozen=True)
 class Look:
     """Shading of a scene as far as it decides which code exists."""
@@ -116,6 +130,11 @@ class Look:
     spot_lights: bool = False
     glass: bool = False
     rectangle_lights: bool = False
+    image_sky: bool = False
+    shown_lamps: bool = False
+    """Some surfaces that emit light only show a lamp."""
+    paths: bool = False
+    """Light goes from surface to surface."""
 
     @property
     def has_shadows(self) -> bool:
@@ -132,6 +151,21 @@ class Look:
         return self.has_tint or self.smooth_normals
 
     @property
+    def has_texels(self) -> bool:
+        """Whether there are pictures, on surfaces or around all."""
+        return self.textures or self.image_sky
+
+    @property
+    def goes_on(self) -> bool:
+        """Whether a path may go on from a surface."""
+        return self.mirrors or self.glass or self.paths
+
+    @property
     def has_chance(self) -> bool:
         """Whether paths choose among ways to go on."""
-        return self.glass or self.rectangle_lights
+        return self.glass or self.rectangle_lights or self.paths
+
+    @property
+    def dimensions(self) -> int:
+        """How many numbers a path may choose by at each surface: see `Choice`."""
+        return len(Choice) if self.paths else Choice.LAYER

@@ -1,5 +1,6 @@
 """Types of what lies on the device. A field exists only where the spec needs it."""
 
+from dataclasses import replace
 from functools import cache
 
 import warp as wp
@@ -363,6 +364,7 @@ def texture_struct():
             "width": wp.int32,
             "height": wp.int32,
             "wrap": wp.int32,
+            "is_nearest": wp.bool,  # whether a texel is one colour throughout
             "table": wp.int32,  # where the levels of its 8-bit channels begin, -1 for floats
         },
     )
@@ -389,7 +391,12 @@ def point_struct(look: Look):
         "position": vec3(wide),
         "normal": vec3(wide),  # unit, of the side that is seen
         "offset": wide,  # as in Surface
+        "material": wp.int32,
     }
+    if look.has_tint:
+        fields["shade"] = wp.vec3f  # multiplies the material's shares
+    if look.glass:
+        fields["is_inside"] = wp.bool
     if look.smooth_normals:
         fields["shading_normal"] = vec3(wide)
     if look.highlights:
@@ -404,10 +411,19 @@ def point_struct(look: Look):
 
 @cache
 def path_struct(look: Look):
-    """A ray from a camera, and which one it is."""
-    fields = {"o": vec3(look.spec.tier.wide), "d": vec3(look.spec.tier.wide)}
+    """A ray on its way from a camera, and which one it is."""
+    fields = {
+        "o": vec3(look.spec.tier.wide),
+        "d": vec3(look.spec.tier.wide),
+        "throughput": wp.vec3f,  # the share of the light along the ray that reaches the camera; 0 at its end
+        "bounce": wp.int32,
+    }
     if look.has_chance:
         fields |= {"pixel": wp.int32, "sample": wp.int32}
+    if look.paths and look.shown_lamps:
+        fields["is_scattered"] = wp.bool  # at the last surface
+    if look.glass:
+        fields["medium"] = wp.vec3f  # the absorption of what the ray is in
     return make_struct("Path", fields)
 
 
@@ -421,18 +437,38 @@ def lit_struct(look: Look):
 
 
 @cache
+def film_struct(is_measured: bool):
+    """What pixels have received so far, from `first` on."""
+    fields = {"first": wp.int32, "total": wp.array(dtype=wp.vec3f)}  # sums over the samples of a pixel
+    if is_measured:
+        fields |= {
+            "spread": wp.array(dtype=wp.vec3f),  # sums of the squares of what samples are off their mean
+            "count": wp.array(dtype=wp.int32),
+            "is_active": wp.array(dtype=wp.bool),  # whether a pixel needs more samples
+            "noise": wp.float32,  # of one that does not
+        }
+    else:
+        fields["count"] = wp.int32  # samples of every pixel
+    return make_struct("Film", fields)
+
+
+@cache
 def look_struct(look: Look):
-    """Materials, lights and sky."""
+    """Materials, lights and sky: the same for all ways to follow light."""
+    if look.paths:
+        return look_struct(replace(look, paths=False))
     fields = {
         "material": wp.array(dtype=wp.int32),  # [instances]
         "diffuse": wp.array(dtype=wp.vec3f),  # [materials]
-        "sky": wp.vec3f,
+        "sky": wp.vec3f,  # at the horizon; a factor of a picture
         "ambient": wp.vec3f,
     }
     if look.mirrors:
         fields["mirror"] = wp.array(dtype=wp.vec3f)  # [materials]
     if look.emission:
         fields["emission"] = wp.array(dtype=wp.vec3f)  # [materials]
+    if look.shown_lamps:
+        fields["shines"] = wp.array(dtype=wp.bool)  # [materials]  whether others are lit by it
     if look.highlights:
         fields |= {
             "specular": wp.array(dtype=wp.vec3f),  # [materials]  times what makes a lobe of shininess reflect all
@@ -471,10 +507,18 @@ def look_struct(look: Look):
         fields |= {"sun_direction": wp.array(dtype=wp.vec3d), "sun_color": wp.array(dtype=wp.vec3f)}
     if look.has_attributes:
         fields["attributes"] = wp.array(dtype=attributes_struct(look))  # [meshes]
+    if look.image_sky:
+        fields |= {
+            "sky_texture": texture_struct(),
+            "sky_turn": WIDE,  # of a full turn
+        }
     if look.textures:
         fields |= {
             "texture_number": wp.array(dtype=wp.int32),  # [materials]  -1 for none
             "texture": wp.array(dtype=texture_struct()),
+        }
+    if look.has_texels:
+        fields |= {
             "texel": wp.array(dtype=wp.uint32),
             "level": wp.array(dtype=wp.float32),
         }

@@ -1,4 +1,4 @@
-"""A picture at texture coordinates (u, v): u to the right, v up, bilinear between the centres of texels.
+"""A picture at texture coordinates (u, v), u to the right, v up: bilinear between the centres of texels, or nearest.
 
 The texels of all pictures are words of one array. A picture of 8-bit channels has one word to a texel, r | g << 8 |
 b << 16, and a table of what its levels are in linear light: a quarter of the memory of floats, and exact. One of floats
@@ -84,6 +84,9 @@ def bilinear(
     left, right, x = between(folded(u, texture.wrap), texture.width, texture.wrap)
     # Row 0 is on top, where v = 1.
     upper, lower, y = between(type(v)(1.0) - folded(v, texture.wrap), texture.height, texture.wrap)
+    if texture.is_nearest:
+        half = wp.float32(0.5)
+        return texel(word, level, texture, wp.where(y < half, upper, lower), wp.where(x < half, left, right))
     # a + x (b - a) is a where a and b are equal.
     a = texel(word, level, texture, upper, left)
     a += x * (texel(word, level, texture, upper, right) - a)

@@ -59,6 +59,20 @@ def test_interrupted_render_goes_on_to_the_same_bits(folder, monkeypatch, capfd)
     assert "cut.unfinished.npz" not in names(folder)
 
 
+def test_interrupted_adaptive_render_of_paths_goes_on_to_the_same_bits(folder, monkeypatch):
+    outputs = ("color", "variance", "samples")
+    options = ("render", "ball.cfg", *SIZE, "--outputs", ",".join(outputs), "--samples", "40", "--noise", "0.05")
+    options += ("--integrator", "path")
+    assert run(*options, "-o", "whole.png") == 0
+    interrupt_after(monkeypatch, 2)
+    assert run(*options, "-o", "cut.png") == 130
+    assert run(*options, "-o", "cut.png", "--resume") == 0
+    with np.load("cut.npz") as cut, np.load("whole.npz") as whole:
+        assert len(np.unique(whole["samples"])) > 1
+        for name in outputs:
+            np.testing.assert_array_equal(cut[name], whole[name])
+
+
 def test_interruption_before_anything_is_done_leaves_nothing(folder, monkeypatch, capfd):
     interrupt_after(monkeypatch, 0)
     assert run("render", "ball.cfg", *SIZE) == 130
@@ -73,6 +87,8 @@ def test_interruption_before_anything_is_done_leaves_nothing(folder, monkeypatch
         (("--size", "16x13"), "another size;"),
         (("--accuracy", "fast"), "another accuracy;"),
         (("--exposure", "2"), "another exposure;"),
+        (("--integrator", "path"), "another integrator;"),
+        (("--noise", "0.1"), "another noise;"),
     ],
 )
 def test_another_render_is_not_continued(folder, monkeypatch, capfd, changes, words):

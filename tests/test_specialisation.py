@@ -10,6 +10,7 @@ import warp as wp
 
 import warprt as rt
 from warprt.kernels.cast import make_cast, make_cast_packets, make_occluded, make_occluded_packets, make_spawn
+from warprt.kernels.film import settle
 from warprt.kernels.pixels import make_albedo, make_effort
 from warprt.kernels.render import make_render
 from warprt.kernels.spec import Look, Projection, ShapeKind, Spec, Tier
@@ -63,12 +64,15 @@ FEATURES = {
     "directional_lights": ("sun_direction",),
     "mirrors": ("mirror",),
     "gradient_sky": ("zenith",),
-    "textures": ("texel", "bilinear"),
+    "textures": ("texture_number",),
+    "image_sky": ("sky_texture", "sky_turn"),
+    "paths": ("cosine_direction", "survivor"),
     "vertex_colors": ("color_of",),
     "rectangle_lights": ("rectangle_u", "rectangle_position"),
     "spot_lights": ("spot_cone", "spot_share"),
     "glass": ("through_glass", "absorption", "transmitted"),
     "emission": ("emission",),
+    "shown_lamps": ("shines",),
     "highlights": ("highlight", "to_eye", "shininess"),
     "smooth_normals": ("shading_normal", "interpolated"),
 }
@@ -84,7 +88,12 @@ def test_absent_features_of_shading_leave_no_code_behind(feature, tmp_path):
     for name, words in FEATURES.items():
         for word in words:
             assert (word in text) == (name == feature)
+    for word in ("texel", "bilinear"):
+        assert (word in text) == (feature in ("textures", "image_sky"))
     assert ("attributes" in text) == (feature in OF_MESHES)
+    assert ("chance" in text) == (feature in ("glass", "rectangle_lights", "paths"))
+    # Only kernels that measure have these.
+    assert "spread" not in text and "noise" not in text
     assert ("reflected" in text) == (feature in ("mirrors", "glass"))
     assert "effort" not in text.lower()
 
@@ -119,7 +128,11 @@ KERNELS = {
     "occluded": lambda: make_occluded(ALL),
     "spawn": lambda: make_spawn(ALL),
     "walk": lambda: make_walk_cells(ALL),
-    "render": lambda: make_render(Look(ALL, **EVERYTHING)),
+    "render": lambda: make_render(Look(ALL, **{**EVERYTHING, "paths": False})),
+    "paths": lambda: make_render(
+        Look(Spec(Tier.ROBUST, frozenset([ShapeKind.SPHERE])), mirrors=True, glass=True, paths=True), is_measured=True
+    ),
+    "settle": lambda: settle,
     "albedo": lambda: make_albedo(Look(ALL, **EVERYTHING)),
     "effort": lambda: make_effort(replace(ALL, shapes=frozenset([ShapeKind.MESH, ShapeKind.BOX]))),
     "packets": lambda: make_cast_packets(MESHES),

@@ -96,9 +96,9 @@ def sampler(real):
 
 def looked_up(texture, uv, real, device) -> np.ndarray:
     uv = np.reshape(uv, (-1, 2))
-    packed = pack_textures([texture], wp.get_device(device))
+    records, texels, levels = pack_textures([texture], wp.get_device(device))
     color = wp.zeros(len(uv), dtype=wp.vec3f, device=device)
-    inputs = [packed["texel"], packed["level"], packed["texture"]]
+    inputs = [texels, levels, wp.array(records, dtype=Texture, device=device)]
     inputs += [wp.array(rounded(uv[:, k], real), dtype=real, device=device) for k in (0, 1)]
     wp.launch(sampler(real), dim=len(uv), inputs=inputs, outputs=[color], device=device)
     return color.numpy()
@@ -121,6 +121,29 @@ def test_lookup_is_bilinear_for_any_uv(real, device, data):
     color = looked_up(rt.Texture(pixels, wrap=wrap), uv, real, device)
     expected = [sampled(decoded(pixels), wrap, u, v) for u, v in uv]
     np.testing.assert_allclose(color, expected, rtol=0, atol=tolerance(real, width + height))
+
+
+@pytest.mark.parametrize("wrap", WRAPS)
+def test_nearest_texel_is_one_colour_throughout(wrap, real, device, rng):
+    pixels = rng.uniform(0, 7, (3, 5, 3)).astype(np.float32)
+    uv = rng.uniform(-2, 3, (400, 2))
+    column, row = np.floor(uv[:, 0] * 5).astype(int), np.floor((1 - uv[:, 1]) * 3).astype(int)
+    fold = {
+        "repeat": lambda k, n: k % n,
+        "clamp": lambda k, n: np.clip(k, 0, n - 1),
+        "mirror": lambda k, n: np.minimum(k % (2 * n), 2 * n - 1 - k % (2 * n)),
+    }[wrap]
+    color = looked_up(rt.Texture(pixels, wrap=wrap, filter="nearest"), uv, real, device)
+    np.testing.assert_array_equal(color, pixels[fold(row, 3), fold(column, 5)])
+
+
+def test_checker_is_a_chessboard(device):
+    board = rt.Texture.checker((0.1, 0.2, 0.3), 0.9, (4, 2))
+    assert board.size == (4, 2)
+    uv = [(x + 0.01 + 0.98 * f, y + 0.5) for y in (0, 1) for x in range(4) for f in (0, 1)]
+    color = looked_up(board, np.array(uv) / (4, 2), wp.float64, device)
+    expected = [(0.1, 0.2, 0.3) if int(x + y) % 2 == 0 else (0.9,) * 3 for x, y in np.floor(uv)]
+    np.testing.assert_allclose(color, expected, rtol=1e-6)
 
 
 @pytest.mark.parametrize("wrap", WRAPS)
@@ -352,7 +375,11 @@ ONE = np.zeros((1, 1, 3))
         pytest.param(lambda: rt.Texture(ONE + 1e39), "Texture pixels must be finite", id="beyond float32"),
         pytest.param(lambda: rt.Texture(ONE, wrap="tile"), "wrap must be one of repeat, clamp, mirror", id="wrap"),
         pytest.param(lambda: rt.Texture(ONE, wrap=None), "wrap", id="wrap None"),
+        pytest.param(lambda: rt.Texture(ONE, filter="cubic"), "filter must be one of linear, nearest", id="filter"),
         pytest.param(lambda: rt.Texture(ONE, is_srgb="no"), "is_srgb", id="is_srgb"),
+        pytest.param(lambda: rt.Texture.checker(-1), "Texture first must not be negative", id="checker color"),
+        pytest.param(lambda: rt.Texture.checker(squares=8), "Texture squares must be", id="checker squares"),
+        pytest.param(lambda: rt.Texture.checker(squares=(0, 8)), "Texture squares .* from 1 to 4096", id="no squares"),
         pytest.param(lambda: rt.Material(texture=ONE), "Material texture must be a Texture; got ndarray", id="array"),
         pytest.param(lambda: rt.Mesh(QUAD, HALVES, uvs=CORNERS[:3]), "Mesh uvs.*4; got 3", id="uvs too few"),
         pytest.param(lambda: rt.Mesh(QUAD, HALVES, uvs=[(0, np.inf)] * 4), r"Mesh uvs\[0\]", id="uvs infinite"),

@@ -18,7 +18,6 @@ from .hits import Hits as Hits
 from .image import Image as Image
 from .lights import AmbientLight as AmbientLight
 from .lights import DirectionalLight as DirectionalLight
-from .lights import GradientSky as GradientSky
 from .lights import PointLight as PointLight
 from .lights import RectangleLight as RectangleLight
 from .lights import SpotLight as SpotLight
@@ -38,6 +37,8 @@ from .shapes import Cylinder as Cylinder
 from .shapes import Disk as Disk
 from .shapes import Plane as Plane
 from .shapes import Sphere as Sphere
+from .sky import GradientSky as GradientSky
+from .sky import ImageSky as ImageSky
 from .texture import Texture as Texture
 from .tracer import Tracer as Tracer
 from .transform import Transform as Transform

@@ -6,13 +6,22 @@ import numpy as np
 import warp as wp
 
 from warprt.kernels.spec import Look, ShapeKind, Spec, Tier
-from warprt.kernels.structs import attributes_struct, look_struct, mesh_struct, scene_struct, shape_struct
+from warprt.kernels.structs import (
+    attributes_struct,
+    look_struct,
+    mesh_struct,
+    scene_struct,
+    shape_struct,
+    texture_struct,
+)
+from warprt.kernels.texture import Wrap
 
-from .lights import AmbientLight, DirectionalLight, GradientSky, PointLight, RectangleLight, SpotLight
+from .lights import AmbientLight, DirectionalLight, PointLight, RectangleLight, SpotLight
 from .materials import Material
 from .mesh import Mesh
 from .placements import Placements
 from .scene import Instance, Scene
+from .sky import GradientSky, ImageSky
 from .texels import pack_textures
 
 
@@ -111,18 +120,20 @@ def assemble_look(scene: Scene, spec: Spec, device: wp.Device) -> tuple[Look, ob
     spots = [light for light in scene.lights if isinstance(light, SpotLight)]
     rectangles = [light for light in scene.lights if isinstance(light, RectangleLight)]
     suns = [light for light in scene.lights if isinstance(light, DirectionalLight)]
-    is_gradient = isinstance(scene.background, GradientSky)
+    sky = scene.background
     meshes = [shape for shape in _distinct([item.shape for item in scene.objects]) if isinstance(shape, Mesh)]
     look = Look(
         spec,
         point_lights=bool(points),
         directional_lights=bool(suns),
         mirrors=any(max(material.mirror) > 0 for material in materials),
-        gradient_sky=is_gradient,
+        gradient_sky=isinstance(sky, GradientSky),
+        image_sky=isinstance(sky, ImageSky),
         textures=any(material.texture is not None for material in materials),
         vertex_colors=any(mesh.colors is not None for mesh in meshes),
         smooth_normals=any(mesh.normals is not None for mesh in meshes),
         emission=any(max(material.emission) > 0 for material in materials),
+        shown_lamps=any(max(material.emission) > 0 and not material.shines for material in materials),
         highlights=any(max(material.specular) > 0 for material in materials)
         and bool(points or spots or rectangles or suns),
         spot_lights=bool(spots),
@@ -139,11 +150,12 @@ def assemble_look(scene: Scene, spec: Spec, device: wp.Device) -> tuple[Look, ob
     struct.ambient = np.sum(
         [light.color for light in scene.lights if isinstance(light, AmbientLight)] or [[0.0] * 3], 0
     )
-    struct.sky = scene.background.horizon if is_gradient else scene.background
     if look.mirrors:
         struct.mirror = array([material.mirror for material in materials], wp.vec3f)
     if look.emission:
         struct.emission = array([material.emission for material in materials], wp.vec3f)
+    if look.shown_lamps:
+        struct.shines = array([material.shines for material in materials], wp.bool)
     if look.highlights:
         specular = [material.lobe_factor * np.array(material.specular) for material in materials]
         struct.specular = array(specular, wp.vec3f)
@@ -152,8 +164,9 @@ def assemble_look(scene: Scene, spec: Spec, device: wp.Device) -> tuple[Look, ob
         struct.glass = array([material.glass for material in materials], wp.vec3f)
         struct.absorption = array([material.absorption for material in materials], wp.vec3f)
         struct.ior = array([material.ior for material in materials], wp.float64)
-    if is_gradient:
-        struct.zenith = scene.background.zenith
+    struct.sky = sky.horizon if look.gradient_sky else sky.scale if look.image_sky else sky
+    if look.gradient_sky:
+        struct.zenith = sky.zenith
     if points:
         struct.point_position = array([light.position for light in points], wp.vec3d)
         struct.point_color = array([light.color for light in points], wp.vec3f)
@@ -177,13 +190,29 @@ def assemble_look(scene: Scene, spec: Spec, device: wp.Device) -> tuple[Look, ob
     if look.has_attributes:
         attributes = [_attributes(mesh, look, device) for mesh in meshes]
         struct.attributes = wp.array(attributes, dtype=attributes_struct(look), device=device)
-    if look.textures:
-        textures = _distinct([material.texture for material in materials if material.texture is not None])
-        number = {id(texture): k for k, texture in enumerate(textures)}
-        struct.texture_number = array([number.get(id(material.texture), -1) for material in materials], wp.int32)
-        for name, packed in pack_textures(textures, device).items():
-            setattr(struct, name, packed)
+    if look.has_texels:
+        _fill_pictures(struct, look, materials, sky, device)
     return look, struct
+
+
+def _fill_pictures(struct, look: Look, materials: list[Material], sky, device: wp.Device) -> None:
+    """Copies the texels of all pictures, and says which one is whose."""
+    pictures = [material.texture for material in materials if material.texture is not None]
+    pictures = _distinct(pictures + ([sky.picture] if look.image_sky else []))
+    number = {id(texture): k for k, texture in enumerate(pictures)}
+    records, struct.texel, struct.level = pack_textures(pictures, device)
+    if look.textures:
+        numbers = [number.get(id(material.texture), -1) for material in materials]
+        struct.texture_number = wp.array(np.array(numbers), dtype=wp.int32, device=device)
+        struct.texture = wp.array(records, dtype=texture_struct(), device=device)
+    if look.image_sky:
+        record = records[number[id(sky.picture)]]
+        struct.sky_texture = texture_struct()()
+        for name in records.dtype.names:
+            setattr(struct.sky_texture, name, record[name].item())
+        # Beyond its sides, the picture goes on with the other side.
+        struct.sky_texture.wrap = int(Wrap.REPEAT)
+        struct.sky_turn = sky.rotation_deg / 360 % 1
 
 
 def _attributes(mesh: Mesh, look: Look, device: wp.Device):

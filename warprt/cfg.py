@@ -12,12 +12,13 @@ import numpy as np
 
 from .camera import Camera
 from .cameras import EquirectangularCamera, FisheyeCamera, OrthographicCamera
-from .lights import AmbientLight, DirectionalLight, GradientSky, PointLight, RectangleLight, SpotLight
+from .lights import AmbientLight, DirectionalLight, PointLight, RectangleLight, SpotLight
 from .materials import Material
 from .matrix_camera import MatrixCamera
 from .mesh import Mesh
 from .scene import Instance, Scene
 from .shapes import Box, Capsule, Cone, Cylinder, Disk, Plane, Sphere
+from .sky import GradientSky, ImageSky
 from .texture import Texture
 from .transform import Transform
 
@@ -169,7 +170,9 @@ class _Reader:
         for block in self.blocks:
             with _placed(self.path, block):
                 if block.kind in _SETTINGS:
-                    settings[block.kind].append(_make(_SETTINGS[block.kind], self._values(block), block.kind))
+                    folder = {"folder": self.path.parent} if block.kind == "background" else {}
+                    values = self._values(block) | folder
+                    settings[block.kind].append(_make(_SETTINGS[block.kind], values, block.kind))
                 elif block.kind == "geometry_instance":
                     objects.append(self._instance(block))
                 elif block.kind in _SHAPES and block.name is None:
@@ -286,9 +289,10 @@ def _material(
     glass=(0.0, 0.0, 0.0),
     ior=1.5,
     absorption=(0.0, 0.0, 0.0),
+    shines=True,
 ):
     picture = None if texture is None else Texture.from_file(folder / _text(texture, "texture"))
-    return Material(diffuse, mirror, picture, emission, specular, shininess, glass, ior, absorption)
+    return Material(diffuse, mirror, picture, emission, specular, shininess, glass, ior, absorption, shines)
 
 
 def _sphere(center=(0.0, 0.0, 0.0), radius=1.0):
@@ -397,11 +401,13 @@ def _ambient_light(color):
     return AmbientLight(color)
 
 
-def _background(color=None, horizon=None, zenith=None):
+def _background(folder, color=None, horizon=None, zenith=None, picture=None, rotation=0.0, scale=1.0):
     if color is not None:
         return color
+    if picture is not None:
+        return ImageSky(folder / _text(picture, "picture"), rotation, scale)
     if horizon is None or zenith is None:
-        raise ValueError("background needs a color, or horizon and zenith")
+        raise ValueError("background needs a color, horizon and zenith, or a picture")
     return GradientSky(horizon, zenith)
 
 

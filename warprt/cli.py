@@ -14,7 +14,7 @@ from . import launch
 from ._version import __version__
 from .image import OUTPUTS, TONES
 from .scene_files import load_scene, ready_scenes
-from .tracer import ACCELERATORS, TIERS
+from .tracer import ACCELERATORS, INTEGRATORS, TIERS
 
 
 class _Parser(argparse.ArgumentParser):
@@ -80,7 +80,9 @@ def _parser() -> _Parser:
     render.add_argument("-o", "--output", metavar="FILE", help="default: the scene's name with .png, here")
     render.add_argument("--size", type=_size, default=(640, 480), metavar="WxH", help="pixels; default 640x480")
     render.add_argument("--samples", type=int, default=4, metavar="N", help="rays per pixel; default 4")
-    render.add_argument("--max-bounces", type=int, default=8, metavar="N", help="mirror reflections; default 8")
+    render.add_argument("--noise", type=float, metavar="X", help="pixels with less take fewer samples; try 0.01")
+    render.add_argument("--integrator", default="whitted", metavar="I", help=f"{' or '.join(INTEGRATORS)}")
+    render.add_argument("--max-bounces", type=int, metavar="N", help="default 8; 64 with --integrator path")
     render.add_argument("--accuracy", default="robust", metavar="T", help=f"{' or '.join(TIERS)}; default robust")
     render.add_argument("--device", metavar="D", help="cpu, cuda:0, ...; default: the GPU if there is one")
     render.add_argument("--threads", type=int, metavar="N", help="CPU threads; default: all cores")
@@ -108,8 +110,8 @@ def _parser() -> _Parser:
     view.add_argument("--port", type=int, default=8080, metavar="N", help="or the next one that is free; default 8080")
     view.add_argument("--no-browser", action="store_true", help="do not open the page, only say where it is")
     view.set_defaults(run=_view)
-    bench = commands.add_parser("bench", help="measure against wp.Mesh and Embree")
-    topics = ["rates", "resolution", "scaling", "instances", "specialisation", "leaks", "all-hits"]
+    bench = commands.add_parser("bench", help="measure against wp.Mesh, Embree and Mitsuba")
+    topics = ["rates", "resolution", "scaling", "instances", "specialisation", "leaks", "all-hits", "mitsuba", "paths"]
     bench.add_argument("topic", nargs="?", default="rates", choices=topics)
     bench.add_argument("--quick", action="store_true", help="fewer and smaller meshes: under a minute")
     bench.add_argument(

@@ -13,13 +13,14 @@ from .files import require_writable
 from .gltf import SUFFIXES
 from .gltf_export_looks import Looks
 from .gltf_writer import Writer
-from .lights import AmbientLight, DirectionalLight, GradientSky, RectangleLight, SpotLight
+from .lights import AmbientLight, DirectionalLight, RectangleLight, SpotLight
 from .materials import Material
 from .mesh import Mesh
 from .poses import pose_along, pose_of
 from .quaternions import decompose
 from .scene import Instance, Instances, Scene, Shape
 from .shape_records import record_from_shape
+from .sky import GradientSky, ImageSky
 from .tessellation import tessellated
 
 
@@ -66,7 +67,12 @@ class _Exporter:
             self.writer.use("KHR_lights_punctual", {"lights": self._lights})
         own = {"ambient": [{"color": light.color} for light in self._scene.lights if isinstance(light, AmbientLight)]}
         sky = self._scene.background
-        own |= {"horizon": sky.horizon, "zenith": sky.zenith} if isinstance(sky, GradientSky) else {"background": sky}
+        if isinstance(sky, ImageSky):
+            self.notes["glTF has no ImageSky; it is left out"] = None
+        elif isinstance(sky, GradientSky):
+            own |= {"horizon": sky.horizon, "zenith": sky.zenith}
+        else:
+            own["background"] = sky
         nodes = {"nodes": self._roots} if self._roots else {}
         self.writer.add("scenes", {**nodes, "extras": {"warprt": own}})
 

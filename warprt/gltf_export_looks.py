@@ -6,7 +6,7 @@ from dataclasses import fields, replace
 import numpy as np
 import PIL.Image
 
-from .gltf_materials import WRAPS
+from .gltf_materials import NEAREST, WRAPS
 from .gltf_writer import Writer
 from .image import srgb
 from .materials import Material
@@ -50,7 +50,8 @@ class Looks:
             view = self._writer.add_view(file.getvalue())
             image = self._writer.add("images", {"bufferView": view, "mimeType": "image/png"})
             wrap = next(number for number, name in WRAPS.items() if name == texture.wrap)
-            sampler = self._writer.add("samplers", {"wrapS": wrap, "wrapT": wrap})
+            near = {"magFilter": NEAREST, "minFilter": NEAREST} if texture.filter == "nearest" else {}
+            sampler = self._writer.add("samplers", {"wrapS": wrap, "wrapT": wrap, **near})
             self._textures[id(texture)] = self._writer.add("textures", {"source": image, "sampler": sampler})
         return self._textures[id(texture)]
 

@@ -13,6 +13,7 @@ from .materials import Material
 from .pbr import material_from_pbr
 from .texture import Texture, pil_pixels
 
+LINEAR, NEAREST = 9729, 9728
 WRAPS = {10497: "repeat", 33071: "clamp", 33648: "mirror"}
 
 
@@ -87,16 +88,16 @@ class Materials:
         document.note_extensions(texture)
         webp = texture.record("extensions", {}).get("EXT_texture_webp", None)
         source = Record(webp, f"{texture.name}: EXT_texture_webp") if webp is not None else texture
-        key = (source.integer("source"), self._wrap(texture))
+        key = (source.integer("source"), *self._sampler(texture))
         if key not in self._textures:
-            self._textures[key] = Texture(self._picture(key[0], texture.name), True, key[1])
+            self._textures[key] = Texture(self._picture(key[0], texture.name), True, *key[1:])
         return self._textures[key]
 
-    def _wrap(self, texture: Record) -> str:
-        """What lies beyond the picture."""
+    def _sampler(self, texture: Record) -> tuple[str, str]:
+        """(what lies beyond the picture, what between its texels)."""
         number = texture.integer("sampler", None)
         if number is None:
-            return "repeat"
+            return "repeat", "linear"
         sampler = self._document.find("samplers", number, texture.name)
         wraps = [sampler.integer(key, 10497) for key in ("wrapS", "wrapT")]
         for wrap in wraps:
@@ -104,7 +105,7 @@ class Materials:
                 raise ValueError(f"{sampler.name}: wrapS and wrapT must be one of {', '.join(map(str, WRAPS))}")
         if wraps[0] != wraps[1]:
             self._document.note(f"{sampler.name}: wrapT differs from wrapS, which is taken for both")
-        return WRAPS[wraps[0]]
+        return WRAPS[wraps[0]], "nearest" if sampler.integer("magFilter", LINEAR) == NEAREST else "linear"
 
     def _picture(self, index: int, user: str) -> np.ndarray:
         """(H, W, 3 or 4), row 0 on top."""
@@ -137,7 +138,12 @@ def _own_material(own: Record, texture: Texture | None) -> Material:
     """A material of which a file of ours says everything; an older one, less."""
     values = {"texture": texture}
     for field in fields(Material):
-        if field.name in own:
-            is_number = isinstance(field.default, float)
-            values[field.name] = own.number(field.name) if is_number else own.numbers(field.name, 3)
+        if field.name not in own:
+            continue
+        if isinstance(field.default, bool):
+            values[field.name] = own.boolean(field.name, field.default)
+        elif isinstance(field.default, float):
+            values[field.name] = own.number(field.name)
+        else:
+            values[field.name] = own.numbers(field.name, 3)
     return Material(**values)

@@ -20,10 +20,11 @@ from .gltf import Document
 from .gltf_meshes import Meshes
 from .gltf_nodes import copies, walk
 from .json_record import Record
-from .lights import AmbientLight, DirectionalLight, GradientSky, PointLight, SpotLight, daylight
+from .lights import AmbientLight, DirectionalLight, PointLight, SpotLight, daylight
 from .poses import view_of
 from .scene import Scene
 from .shape_records import shape_from_extras
+from .sky import GradientSky
 
 
 def read_gltf(path: str | Path) -> Scene:

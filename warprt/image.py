@@ -13,8 +13,13 @@ from .files import write_whole
 from .heat import heat_map
 
 EFFORT = ("cells", "tests")
-"""Counts of what the search for a pixel's hit took, drawn as heat maps."""
-OUTPUTS = ("color", "depth", "normal", "position", "instance_id", "primitive_id", "uv", "albedo", *EFFORT)
+"""Counts of what the search for a pixel's hit took."""
+COUNTS = (*EFFORT, "samples")
+"""What is drawn as heat maps."""
+OUTPUTS = (
+    *("color", "depth", "normal", "position", "instance_id", "primitive_id", "uv", "albedo"),
+    *(*EFFORT, "variance", "samples"),
+)
 
 
 TONES = ("srgb", "filmic")
@@ -86,6 +91,10 @@ class Image:
     instance_id and primitive_id: those of `Hits`, at the pixel's centre. albedo: linear RGB float32, the diffuse colour
     of the surface there, with its texture and the colours of its vertices, 0 on a miss.
 
+    variance: float32 (height, width, 3), of the colour: its standard error squared, were samples independent; they
+    are spread more evenly than that, so that it is rather too large. inf after one sample. samples: int32, how many a
+    pixel took.
+
     cells and tests: int32 counts, what it took to find the hit at the pixel's centre. cells of mesh grids looked at,
     those jumped over left out; primitives tested: on meshes eight triangles for each block whose box the ray meets,
     elsewhere one for each instance whose bounds it meets. An instance that was looked into before a nearer hit was
@@ -107,6 +116,11 @@ class Image:
     def keys(self):
         """Names of the arrays."""
         return self._arrays.keys()
+
+    @property
+    def variance(self) -> np.ndarray:
+        """(height, width, 3) float32, that of the colour; KeyError unless asked for."""
+        return self["variance"]
 
     @property
     def size(self) -> tuple[int, int]:
@@ -142,7 +156,7 @@ class Image:
             light = exposure * self[name].astype(np.float64)
             light = filmic(light) if tone == "filmic" else light
             return PIL.Image.fromarray(np.rint(255 * srgb(light)).astype(np.uint8))
-        if name in EFFORT:
+        if name in COUNTS:
             return heat_map(self[name])
         levels = np.rint(255 * _drawn(name, self[name])).astype(np.uint8)
         return PIL.Image.fromarray(levels)
@@ -186,7 +200,7 @@ def levels_16(name: str, array: np.ndarray) -> tuple[np.ndarray, dict[str, str]]
     if array.ndim != 2:
         raise ValueError(f"{name} has {array.shape[2]} numbers a pixel, and 16 bits are for one: save it as .npz")
     if array.dtype.kind == "i":
-        least = 0 if name in EFFORT else -1
+        least = 0 if name in COUNTS else -1
         offset, scale, missing = least, 1, str(least)
         levels = array.astype(np.int64) - offset
         if levels.max() > 65535:
@@ -204,6 +218,8 @@ def _drawn(name: str, array: np.ndarray) -> np.ndarray:
     """(height, width[, 3]) values in [0, 1] that show an array to the eye."""
     if name == "albedo":
         return srgb(array)
+    if name == "variance":
+        return srgb(np.sqrt(array))
     if name == "normal":
         return np.where(np.any(array != 0, axis=-1, keepdims=True), (array + 1) / 2, 0)
     if name in ("instance_id", "primitive_id"):

@@ -1,11 +1,18 @@
 """Where light comes from."""
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from . import checks
+from .materials import Material
+from .mesh import Mesh
+from .sky import GradientSky
 from .typing import ArrayLike
+
+if TYPE_CHECKING:
+    from .scene import Instance
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,7 +86,8 @@ class RectangleLight:
     """Light from a rectangle or parallelogram, evenly to the side of edge_u x edge_v, with soft shadows.
 
     Each sample of a pixel sees light from one point of it, so noise falls with `samples`. Rays do not see the light
-    itself. Raises ValueError for numbers that are not finite, parallel edges, and a negative or non-finite colour.
+    itself, but its `panel()`. Raises ValueError for numbers that are not finite, parallel edges, and a negative or
+    non-finite colour.
     """
 
     center: ArrayLike
@@ -98,6 +106,19 @@ class RectangleLight:
             )
         object.__setattr__(self, "color", checks.color(self.color, "RectangleLight color"))
 
+    def panel(self) -> "Instance":
+        """What is seen of the lamp, for the objects of a scene: black, and as bright as the light on both sides.
+
+        It lies behind the light, by a thousandth of the shorter edge, and lights nothing itself.
+        """
+        from .scene import Instance  # which knows lights
+
+        across = np.cross(self.edge_u, self.edge_v)
+        gap = 1e-3 * min(np.linalg.norm(self.edge_u), np.linalg.norm(self.edge_v))
+        middle = self.center - gap * across / np.linalg.norm(across)
+        corners = [middle + (i * self.edge_u + j * self.edge_v) / 2 for i, j in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
+        return Instance(Mesh(corners, [(0, 1, 2), (0, 2, 3)]), None, Material(0, emission=self.color, shines=False))
+
 
 @dataclass(frozen=True, eq=False)
 class DirectionalLight:
@@ -114,23 +135,6 @@ class DirectionalLight:
     def __post_init__(self):
         object.__setattr__(self, "direction", checks.direction(self.direction, "DirectionalLight direction"))
         object.__setattr__(self, "color", checks.color(self.color, "DirectionalLight color"))
-
-
-@dataclass(frozen=True)
-class GradientSky:
-    """A background that goes from one colour at the horizon to another overhead (+y).
-
-    Raises ValueError for a negative or non-finite colour.
-    """
-
-    horizon: ArrayLike = (1.0, 1.0, 1.0)
-    """Linear RGB, of rays that are level or go down."""
-    zenith: ArrayLike = (0.25, 0.45, 0.85)
-    """Linear RGB, of rays straight up."""
-
-    def __post_init__(self):
-        object.__setattr__(self, "horizon", checks.color(self.horizon, "GradientSky horizon"))
-        object.__setattr__(self, "zenith", checks.color(self.zenith, "GradientSky zenith"))
 
 
 def daylight() -> tuple[list[DirectionalLight | AmbientLight], GradientSky]:

@@ -12,9 +12,11 @@ from ._version import __version__
 from .cameras import AnyCamera
 from .digest import digest
 from .files import require_writable
-from .image import EFFORT, Image, checked_look, file_kind, output_names
+from .film import FILM, TILE_RAYS, empty_arrays
+from .image import COUNTS, Image, checked_look, file_kind, output_names
+from .progress import Bar
 from .scene_files import find_scene, load_scene
-from .tracer import MOST_SAMPLES, TILE_RAYS, Tracer
+from .tracer import INTEGRATORS, MOST_SAMPLES, Tracer, checked_noise, choice
 from .turntable import frame_paths, turned, write_moving
 from .unfinished import Unfinished
 
@@ -41,13 +43,19 @@ class Job:
         self.output = Path(options.output or f"{path.stem}.png")
         self.outputs = output_names(options.outputs.split(","))
         self.samples = checks.integer(options.samples, "samples", 1, MOST_SAMPLES)
-        checks.integer(options.max_bounces, "max_bounces", 0, MOST_SAMPLES)
+        if options.max_bounces is not None:
+            checks.integer(options.max_bounces, "max_bounces", 0, MOST_SAMPLES)
+        choice(options.integrator, INTEGRATORS, "integrator")
+        if options.noise is not None:
+            checked_noise(options.noise)
         self.kind = file_kind(require_writable(self.output))
         self.look = {"exposure": options.exposure, "tone": options.tone}
         checked_look(**self.look)
         self.frames = self._frames()
         self._path = path
-        self.unfinished = Unfinished(self.output.with_suffix(".unfinished.npz"), options.size, self._terms)
+        self.of_film = [name for name in self.outputs if name in FILM]
+        room = empty_arrays(self.of_film, *options.size)
+        self.unfinished = Unfinished(self.output.with_suffix(".unfinished.npz"), room, self._terms)
         self.done_rays = 0
 
     def _frames(self) -> list[Path]:
@@ -57,7 +65,7 @@ class Job:
         count = checks.integer(self.options.turntable, "turntable", 1, MOST_FRAMES)
         if self.kind not in ("PNG", "GIF", "WEBP"):
             raise ValueError(f"cannot write a turntable to {self.output}: use .png, .gif or .webp")
-        if len(self.outputs) > 1 or self.outputs[0] in EFFORT:
+        if len(self.outputs) > 1 or self.outputs[0] in COUNTS:
             raise ValueError(f"a turntable shows one output, and no heat map; got {','.join(self.outputs)}")
         return frame_paths(self.output, count)
 
@@ -112,6 +120,8 @@ class Job:
             "size": list(options.size),
             "samples": options.samples,
             "max-bounces": options.max_bounces,
+            "integrator": options.integrator,
+            "noise": options.noise,
             "accuracy": options.accuracy,
             "device": "cuda" if self.tracer.device.is_cuda else "cpu",
             "outputs": list(self.outputs),
@@ -122,10 +132,10 @@ class Job:
 
     def work(self) -> None:
         """Renders and writes everything, and says how fast it was."""
-        self.tracer.compile_render()
+        self.tracer.compile_render(integrator=self.options.integrator)
         started = time.perf_counter()
         width, height = self.options.size
-        with Progress(self.output.name, max(1, len(self.frames)) * width * height * self.samples) as progress:
+        with Bar(self.output.name, max(1, len(self.frames)) * width * height * self.samples) as progress:
             if self.frames:
                 self._work_frames(progress)
             else:
@@ -138,26 +148,26 @@ class Job:
         self.unfinished.remove()
         self._say(seconds)
 
-    def _work_frames(self, progress: "Progress") -> None:
+    def _work_frames(self, progress: Bar) -> None:
         width, height = self.options.size
         for k in range(self.unfinished.frame, len(self.frames)):
             progress.first = k * width * height * self.samples
             self._image(turned(self.camera, k / len(self.frames)), progress).save(self.frames[k], **self.look)
             self.unfinished.next_frame()
 
-    def _image(self, camera: AnyCamera, progress: "Progress") -> Image:
-        """All outputs; the colour row by row, as far as it is not done yet."""
+    def _image(self, camera: AnyCamera, progress: Bar) -> Image:
+        """All outputs; what comes of samples row by row, as far as it is not done yet."""
         arrays = {}
-        if "color" in self.outputs:
-            self._finish_color(camera, progress)
-            arrays["color"] = self.unfinished.color
-        others = [name for name in self.outputs if name != "color"]
+        if self.of_film:
+            self._finish_film(camera, progress)
+            arrays |= self.unfinished.arrays
+        others = [name for name in self.outputs if name not in FILM]
         if others:
             image = self.tracer.render(camera, self.options.size, outputs=others)
             arrays |= {name: image[name] for name in others}
         return Image({name: arrays[name] for name in self.outputs})
 
-    def _finish_color(self, camera: AnyCamera, progress: "Progress") -> None:
+    def _finish_film(self, camera: AnyCamera, progress: Bar) -> None:
         options, unfinished = self.options, self.unfinished
         width, height = options.size
         band = max(1, TILE_RAYS // (width * self.samples))
@@ -169,10 +179,13 @@ class Job:
                 options.size,
                 self.samples,
                 options.max_bounces,
+                outputs=self.of_film,
                 progress=lambda done, _, before=before: progress(before + done),
                 rows=(first, count),
+                integrator=options.integrator,
+                noise=options.noise,
             )
-            unfinished.add(part["color"])
+            unfinished.add(part)
             self.done_rays += count * width * self.samples
 
     def _save(self, image: Image) -> None:
@@ -185,7 +198,7 @@ class Job:
     def _say(self, seconds: float) -> None:
         options, tracer = self.options, self.tracer
         what = f"{len(self.frames)} frames of " if self.frames else ""
-        rays = self.done_rays if "color" in self.outputs else options.size[0] * options.size[1]
+        rays = self.done_rays if self.of_film else options.size[0] * options.size[1]
         print(
             f"{self.output}: {what}{options.size[0]} x {options.size[1]}, {rays:,} camera rays in {seconds:.2f} s, "
             f"{rays / seconds / 1e6:.2f} Mrays/s ({tracer.accuracy}, {tracer.device.alias}"
@@ -204,23 +217,3 @@ class Job:
         arguments = [word for word in self.options.arguments if word != "--resume"]
         again = shlex.join(["warprt", *arguments, "--resume"])
         return f"interrupted; {done} are kept in {unfinished.path}; to continue: {again}"
-
-
-class Progress:
-    """A bar on a terminal, nothing elsewhere."""
-
-    def __init__(self, title: str, total: int):
-        from tqdm.auto import tqdm
-
-        self.first = 0
-        """Rays of the frames before the present one."""
-        self._bar = tqdm(desc=title, total=total, unit="ray", unit_scale=True, disable=None, leave=False)
-
-    def __enter__(self):
-        return self
-
-    def __exit__(self, *_):
-        self._bar.close()
-
-    def __call__(self, done: int) -> None:
-        self._bar.update(self.first + done - self._bar.n)

@@ -9,10 +9,11 @@ import numpy as np
 
 from . import checks
 from .cameras import CAMERAS, AnyCamera
-from .lights import AmbientLight, DirectionalLight, GradientSky, PointLight, RectangleLight, SpotLight
+from .lights import AmbientLight, DirectionalLight, PointLight, RectangleLight, SpotLight
 from .materials import Material
 from .mesh import Mesh
 from .shapes import Box, Capsule, Cone, Cylinder, Disk, Plane, Sphere
+from .sky import GradientSky, ImageSky
 from .transform import affine, as_transform, inverse_linear
 from .typing import ArrayLike, Placement
 
@@ -103,7 +104,7 @@ class Scene:
     """For pictures; ray queries do not know them."""
     camera: AnyCamera | None = None
     """None: a camera that sees all bounded shapes is chosen when one is needed."""
-    background: ArrayLike | GradientSky = (0.0, 0.0, 0.0)
+    background: ArrayLike | GradientSky | ImageSky = (0.0, 0.0, 0.0)
     """Linear RGB, or a sky."""
     names: Sequence[str] | None = None
     """Of the placements, by instance id; files bring them. `scene.names[instance_id]` says what a ray has hit."""
@@ -120,7 +121,7 @@ class Scene:
             _require(light, LIGHTS, f"Scene lights[{k}]")
         if self.camera is not None:
             _require(self.camera, CAMERAS, "Scene camera")
-        if not isinstance(self.background, GradientSky):
+        if not isinstance(self.background, (GradientSky, ImageSky)):
             object.__setattr__(self, "background", checks.color(self.background, "Scene background"))
         if self.names is not None:
             object.__setattr__(self, "names", self._checked_names())

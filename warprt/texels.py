@@ -15,8 +15,11 @@ LEVELS = np.concatenate([linear(np.arange(256) / 255), np.arange(256) / 255]).as
 """Linear light of the 8-bit levels of an sRGB channel, and then of a linear one."""
 
 
-def pack_textures(textures: list[Texture], device: wp.Device) -> dict[str, wp.array]:
-    """The fields of a look that hold the textures. Raises MemoryError for more than fit."""
+def pack_textures(textures: list[Texture], device: wp.Device) -> tuple[np.ndarray, wp.array, wp.array]:
+    """(a record for each texture, the words of their texels, the levels of their channels).
+
+    Raises MemoryError for more than fit.
+    """
     counts = [texture.size[0] * texture.size[1] * (1 if _is_8_bit(texture) else 3) for texture in textures]
     first = np.concatenate([[0], np.cumsum(counts, dtype=np.int64)])
     if first[-1] > MOST_WORDS or 4 * first[-1] > 0.8 * available_bytes(device):
@@ -25,15 +28,13 @@ def pack_textures(textures: list[Texture], device: wp.Device) -> dict[str, wp.ar
     records["first"] = first[:-1]
     records["width"], records["height"] = np.transpose([texture.size for texture in textures])
     records["wrap"] = [int(Wrap[texture.wrap.upper()]) for texture in textures]
+    records["is_nearest"] = [texture.filter == "nearest" for texture in textures]
     records["table"] = [(0 if texture.is_srgb else 256) if _is_8_bit(texture) else -1 for texture in textures]
     words = np.zeros(first[-1], dtype=np.uint32)
     for k, texture in enumerate(textures):
         _fill(words[first[k] : first[k + 1]], texture)
-    return {
-        "texture": wp.array(records, dtype=texture_struct(), device=device),
-        "texel": wp.array(words, dtype=wp.uint32, device=device, copy=False),
-        "level": wp.array(LEVELS, dtype=wp.float32, device=device),
-    }
+    texels = wp.array(words, dtype=wp.uint32, device=device, copy=False)
+    return records, texels, wp.array(LEVELS, dtype=wp.float32, device=device)
 
 
 def _is_8_bit(texture: Texture) -> bool:

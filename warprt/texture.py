@@ -6,9 +6,12 @@ from pathlib import Path
 import numpy as np
 import PIL.Image
 
+from . import checks
 from .typing import ArrayLike
 
 WRAPS = ("repeat", "clamp", "mirror")
+FILTERS = ("linear", "nearest")
+MOST_SQUARES = 4096
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -18,7 +21,7 @@ class Texture:
     pixels: (H, W, 3) or (H, W, 4) uint8, or floats of at least 0, row 0 on top, or the path of a picture; the fourth
     channel, alpha, is ignored. Texture coordinates are (u, v) with u to the right and v up: (0, 0) is the lower left
     corner of the picture and (1, 1) its upper right one; texels have their centres at ((i + 1/2) / W, (j + 1/2) / H),
-    between which linear light is interpolated bilinearly.
+    between which linear light is interpolated bilinearly, unless `filter` says otherwise.
 
     Raises ValueError for other shapes, types and values, FileNotFoundError when there is no such file.
     """
@@ -28,6 +31,8 @@ class Texture:
     """Whether values are sRGB, or else linear light. None: uint8 is sRGB, floats are linear."""
     wrap: str = "repeat"
     """What lies beyond the picture: "repeat", "clamp" (its edge goes on) or "mirror" (every other copy is turned)."""
+    filter: str = "linear"
+    """What lies between the centres of texels: "linear" light, or "nearest", the texel as a square of one colour."""
 
     def __post_init__(self):
         pixels = self.pixels
@@ -36,6 +41,8 @@ class Texture:
             raise ValueError(f"Texture is_srgb must be True, False or None; got {self.is_srgb!r}")
         if not isinstance(self.wrap, str) or self.wrap not in WRAPS:
             raise ValueError(f"Texture wrap must be one of {', '.join(WRAPS)}; got {self.wrap!r}")
+        if not isinstance(self.filter, str) or self.filter not in FILTERS:
+            raise ValueError(f"Texture filter must be one of {', '.join(FILTERS)}; got {self.filter!r}")
         is_srgb = pixels.dtype == np.uint8 if self.is_srgb is None else bool(self.is_srgb)
         object.__setattr__(self, "pixels", pixels)
         object.__setattr__(self, "is_srgb", is_srgb)
@@ -48,17 +55,36 @@ class Texture:
 
     def __repr__(self) -> str:
         light = "sRGB" if self.is_srgb else "linear"
-        return f"Texture({self.size[0]} x {self.size[1]} {self.pixels.dtype}, {light}, wrap={self.wrap!r})"
+        size = f"{self.size[0]} x {self.size[1]} {self.pixels.dtype}"
+        return f"Texture({size}, {light}, wrap={self.wrap!r}, filter={self.filter!r})"
 
     @classmethod
-    def from_file(cls, path: str | Path, is_srgb: bool | None = None, wrap: str = "repeat") -> "Texture":
+    def from_file(
+        cls, path: str | Path, is_srgb: bool | None = None, wrap: str = "repeat", filter: str = "linear"
+    ) -> "Texture":
         """A picture of any kind that Pillow reads. Raises FileNotFoundError, or ValueError if it cannot be read."""
-        return cls(read_picture(path), is_srgb, wrap)
+        return cls(read_picture(path), is_srgb, wrap, filter)
 
     @classmethod
-    def from_pil(cls, image: PIL.Image.Image, is_srgb: bool | None = None, wrap: str = "repeat") -> "Texture":
+    def from_pil(
+        cls, image: PIL.Image.Image, is_srgb: bool | None = None, wrap: str = "repeat", filter: str = "linear"
+    ) -> "Texture":
         """A Pillow image. Raises ValueError if its file turns out to be broken."""
-        return cls(pil_pixels(image, "the picture"), is_srgb, wrap)
+        return cls(pil_pixels(image, "the picture"), is_srgb, wrap, filter)
+
+    @classmethod
+    def checker(
+        cls, first: ArrayLike = 0.8, second: ArrayLike = 0.2, squares: tuple[int, int] = (8, 8), wrap: str = "repeat"
+    ) -> "Texture":
+        """A chessboard of (columns, rows) squares in two colours, linear RGB; `first` is in the lower left corner."""
+        try:
+            columns, rows = squares
+        except (TypeError, ValueError):
+            raise ValueError(f"Texture squares must be (columns, rows); got {squares!r}") from None
+        columns = checks.integer(columns, "Texture squares", 1, MOST_SQUARES)
+        rows = checks.integer(rows, "Texture squares", 1, MOST_SQUARES)
+        colors = np.array([checks.color(first, "Texture first"), checks.color(second, "Texture second")])
+        return cls(colors[np.indices((rows, columns)).sum(0)[::-1] % 2], False, wrap, "nearest")
 
 
 def linear(encoded: np.ndarray) -> np.ndarray:

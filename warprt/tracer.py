@@ -2,6 +2,8 @@
 
 import math
 from collections.abc import Callable, Iterable
+from contextlib import nullcontext
+from dataclasses import replace
 
 import numpy as np
 import warp as wp
@@ -16,10 +18,12 @@ from .all_hits import MOST_HITS, AllHits, Wanted, all_field_names, all_hits, hit
 from .assemble import assemble, assemble_look
 from .camera import Camera
 from .cameras import CAMERAS, AnyCamera
+from .film import FILM, Film
 from .hits import BRIEF, Hits, by_parts, field_names, field_types, hit_arrays
 from .image import EFFORT, Image, output_names
 from .launch import default_threads, launch, launch_packets, load
 from .mesh import Mesh
+from .progress import Bar
 from .rays import BYTES, RayPart, Rays, as_directions, as_rays
 from .scene import Scene
 from .typing import Array, ArrayLike
@@ -29,8 +33,8 @@ TIERS = tuple(tier.value for tier in Tier)
 ACCELERATORS = ("grid", "none")
 MOST_SAMPLES = 1_000_000
 """More samples per pixel, or bounces, make no sense."""
-TILE_RAYS = 1 << 17
-"""Camera rays between two reports of progress."""
+INTEGRATORS = {"whitted": 8, "path": 64}
+"""How light is followed, and how many bounces unless told otherwise."""
 
 
 def as_device(device: str | wp.Device | None) -> wp.Device:
@@ -45,6 +49,14 @@ def as_device(device: str | wp.Device | None) -> wp.Device:
 def choice(value: str, choices: Iterable[str], name: str) -> str:
     if value not in tuple(choices):
         raise ValueError(f"{name} must be one of {', '.join(choices)}; got {value!r}")
+    return value
+
+
+def checked_noise(noise: float) -> float:
+    """The noise at which pixels are done, or a ValueError that says what it must be."""
+    value = checks.number(noise, "noise")
+    if not value > 0:
+        raise ValueError(f"noise must be positive, such as 0.01; got {noise!r}")
     return value
 
 
@@ -202,24 +214,42 @@ class Tracer:
         camera: AnyCamera | None = None,
         size: tuple[int, int] = (640, 480),
         samples: int = 1,
-        max_bounces: int = 8,
+        max_bounces: int | None = None,
         outputs: str | Iterable[str] = ("color",),
-        progress: Callable[[int, int], None] | None = None,
+        progress: Callable[[int, int], None] | bool | None = None,
         rows: tuple[int, int] | None = None,
+        integrator: str = "whitted",
+        noise: float | None = None,
+        preview: Callable[[Image, int], bool | None] | None = None,
     ) -> Image:
         """A picture of (width, height) pixels.
 
-        camera: by default the scene's, or else one that sees everything. samples: rays per pixel. max_bounces: mirror
-        reflections and boundaries of glass that are followed. outputs: names of `Image` arrays; all but colour describe
-        what lies at the pixel's centre. progress(done, total) is called now and then with counts of camera rays. rows:
-        (first, count), only these rows of the picture, the same as in the whole one.
+        camera: by default the scene's, or else one that sees everything. samples: rays per pixel, the most of them if
+        `noise` is given. outputs: names of `Image` arrays; all but colour, variance and samples describe what lies at
+        the pixel's centre. rows: (first, count), only these rows of the picture, the same as in the whole one.
 
-        Raises ValueError for sizes and counts that are not integers of at least 1 (max_bounces: 0), and for rows that
-        the picture has not.
+        integrator: "whitted" follows mirrors and glass, and lamps light surfaces (Whitted 1980); "path" follows light
+        from surface to surface too, along one random path for each sample (Kajiya 1986), which takes many samples:
+        background and surfaces that emit light everything, and `AmbientLight`, which stands for that, is left out.
+        max_bounces: surfaces at which a path goes on; 8, or 64 for "path", whose paths mostly end earlier, by chance.
+
+        noise: a pixel that has 16, 32, ... samples takes no more once the standard error of its mean, in square roots
+        of light, which are about as even to the eye as sRGB, is at most this in each channel, and so for the three
+        pixels to its left and right; 0.01 is hardly seen. What all their samples miss is taken for not there.
+
+        progress: True for a progress bar, or called as progress(done, total) now and then with counts of camera rays.
+        preview: called as preview(image, samples) with the colour, and variance and samples if asked for, after 1, 2,
+        4, ... samples of all pixels; if it returns False, they are the last. None of these changes a bit of the result.
+
+        Raises ValueError for sizes and counts that are not integers of at least 1 (max_bounces: 0), for rows that
+        the picture has not, and for an unknown integrator, output or camera.
         """
         width, height = self._checked_size(size)
         samples = checks.integer(samples, "samples", 1, MOST_SAMPLES)
+        choice(integrator, INTEGRATORS, "integrator")
+        max_bounces = INTEGRATORS[integrator] if max_bounces is None else max_bounces
         max_bounces = checks.integer(max_bounces, "max_bounces", 0, MOST_SAMPLES)
+        noise = None if noise is None else checked_noise(noise)
         if not isinstance(camera, (*CAMERAS, type(None))):
             names = " or ".join(kind.__name__ for kind in CAMERAS)
             raise ValueError(f"camera must be {names}; got {type(camera).__name__}")
@@ -228,10 +258,15 @@ class Tracer:
         self._device_scene.refresh()
         camera = camera or self.scene.camera or self.framing_camera()
         arrays: dict[str, np.ndarray] = {}
-        if "color" in names:
-            arrays["color"] = self._render_color(camera, width, height, samples, max_bounces, progress, rows)
-        if set(names) - {"color"}:
-            arrays |= self._render_fields(camera, width, height, [name for name in names if name != "color"], rows)
+        of_film = [name for name in names if name in FILM]
+        if of_film:
+            film = Film(rows, width, of_film, noise, self.device, self.threads)
+            run = self._film_launcher(film, camera, (width, height), max_bounces, integrator)
+            with Bar("render", film.size * samples) if progress is True else nullcontext(progress or None) as report:
+                arrays |= film.developed(run, samples, report, preview)
+        of_center = [name for name in names if name not in FILM]
+        if of_center:
+            arrays |= self._render_fields(camera, width, height, of_center, rows)
         return Image({name: arrays[name] for name in names})
 
     def framing_camera(self) -> Camera:
@@ -239,10 +274,10 @@ class Tracer:
         bounds = self._device_scene.placements.bounds()
         return Camera.framing(*(bounds or (np.full(3, -1.0), np.full(3, 1.0))))
 
-    def compile_render(self, camera: AnyCamera | None = None) -> None:
+    def compile_render(self, camera: AnyCamera | None = None, integrator: str = "whitted") -> None:
         """Compiles, or loads from the cache, the kernel that `render` needs; it does so itself when it must."""
         camera = camera or self.scene.camera or self.framing_camera()
-        load(self._render_kernel(camera.projection), self.device)
+        load(self._render_kernel(camera.projection, integrator), self.device)
 
     def _looks(self) -> tuple:
         """(compile-time choices, struct) of materials, lights and sky; ray queries do without."""
@@ -253,22 +288,18 @@ class Tracer:
             self._look_normals = has_normals
         return self._look
 
-    def _render_kernel(self, projection: Projection) -> wp.Kernel:
-        return make_render(self._looks()[0], projection)
+    def _render_kernel(self, projection: Projection, integrator: str, is_measured: bool = False) -> wp.Kernel:
+        return make_render(replace(self._looks()[0], paths=integrator == "path"), projection, is_measured)
 
-    def _render_color(self, camera, width, height, samples, max_bounces, progress, rows) -> np.ndarray:
-        kernel = self._render_kernel(camera.projection)
-        color = wp.empty(width * height, dtype=wp.vec3f, device=self.device)
-        inputs = [self._device_scene.struct, self._look[1], camera.struct(width, height), samples, max_bounces, color]
-        begin, total = width * rows[0], width * rows[1]
-        tile = total if progress is None else max(1, TILE_RAYS // samples)
-        for done in range(0, total, tile):
-            count = min(tile, total - done)
-            launch(kernel, count, inputs, self.device, self.threads, begin + done)
-            if progress is not None:
-                wp.synchronize_device(self.device)
-                progress((done + count) * samples, total * samples)
-        return color[begin : begin + total].numpy().reshape(rows[1], width, 3)
+    def _film_launcher(self, film: Film, camera: AnyCamera, size, max_bounces: int, integrator: str):
+        """What runs the kernel over some pixels of a film."""
+        kernel = self._render_kernel(camera.projection, integrator, film.is_measured)
+        before = [self._device_scene.struct, self._look[1], camera.struct(*size)]
+
+        def run(samples: int, first: int, count: int) -> None:
+            launch(kernel, count, [*before, film.struct, samples, max_bounces], self.device, self.threads, first)
+
+        return run
 
     def _render_fields(self, camera, width, height, names, rows) -> dict[str, np.ndarray]:
         origins, directions = (part[rows[0] : rows[0] + rows[1]] for part in camera.rays(width, height))

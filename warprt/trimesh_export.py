@@ -116,6 +116,8 @@ class _Exporter:
     def _picture(self, texture):
         if texture.wrap != "repeat":
             self.notes[f"trimesh has no word for how {texture!r} goes on beyond its edges"] = None
+        if texture.filter != "linear":
+            self.notes[f"trimesh has no word for the filter of {texture!r}"] = None
         return PIL.Image.fromarray(srgb_pixels(texture, self.notes))
 
     def _camera(self) -> None:

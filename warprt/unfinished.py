@@ -9,21 +9,22 @@ from pathlib import Path
 import numpy as np
 
 from .files import write_whole
+from .image import Image
 
 SECONDS_BETWEEN_SAVES = 30.0
 
 
 class Unfinished:
-    """Frames that are done, and the rows of the next one that are.
+    """Frames that are done, and the rows of the next one that are, of one array or several that are filled row by row.
 
     terms() is what the picture depends on, by name: a file of other terms is not continued.
     """
 
-    def __init__(self, path: Path, size: tuple[int, int], terms: Callable[[], dict]):
+    def __init__(self, path: Path, arrays: dict[str, np.ndarray], terms: Callable[[], dict]):
         self.path = path
         self.frame = 0
         self.rows = 0
-        self.color = np.empty((size[1], size[0], 3), np.float32)
+        self.arrays = arrays
         self._terms = terms
         self._saved_at = time.monotonic()
 
@@ -34,7 +35,8 @@ class Unfinished:
         """
         try:
             with np.load(self.path) as data:
-                terms, frame, color = json.loads(str(data["terms"])), int(data["frame"]), data["color"]
+                terms, frame, rows = json.loads(str(data["terms"])), int(data["frame"]), int(data["rows"])
+                arrays = {name: data[f"array_{name}"] for name in self.arrays if f"array_{name}" in data}
         except (ValueError, KeyError, OSError, EOFError, zipfile.BadZipFile):
             raise ValueError(f"{self.path} cannot be read; leave out --resume to begin anew") from None
         now = self._terms()
@@ -47,13 +49,16 @@ class Unfinished:
         if gone:
             self.frame = gone[0]
             return
-        self.frame, self.rows = frame, len(color)
-        self.color[: self.rows] = color
+        self.frame, self.rows = frame, rows
+        for name, array in arrays.items():
+            self.arrays[name][:rows] = array
 
-    def add(self, rows: np.ndarray) -> None:
+    def add(self, image: Image) -> None:
         """Rows of the present frame that are done now."""
-        self.color[self.rows : self.rows + len(rows)] = rows
-        self.rows += len(rows)
+        count = image.size[1]
+        for name, array in self.arrays.items():
+            array[self.rows : self.rows + count] = image[name]
+        self.rows += count
         if time.monotonic() - self._saved_at > SECONDS_BETWEEN_SAVES:
             self.save()
 
@@ -64,10 +69,9 @@ class Unfinished:
 
     def save(self) -> None:
         """Writes the file."""
-        terms = json.dumps(self._terms())
-        write_whole(
-            self.path, lambda file: np.savez(file, terms=terms, frame=self.frame, color=self.color[: self.rows])
-        )
+        done = {f"array_{name}": array[: self.rows] for name, array in self.arrays.items()}
+        done |= {"terms": json.dumps(self._terms()), "frame": self.frame, "rows": self.rows}
+        write_whole(self.path, lambda file: np.savez(file, **done))
         self._saved_at = time.monotonic()
 
     def remove(self) -> None:

@@ -1,0 +1,110 @@
+"""The samples of a picture on their way: what pixels have received so far."""
+
+from collections.abc import Callable
+
+import numpy as np
+import warp as wp
+
+from warprt.kernels.film import settle
+from warprt.kernels.structs import film_struct
+
+from .image import Image
+from .launch import launch
+
+FILM = ("color", "variance", "samples")
+"""Arrays of an `Image` that come of samples."""
+TILE_RAYS = 1 << 17
+"""Camera rays between two reports of progress."""
+STEP = 16
+"""Samples after which pixels are looked at whether they need more."""
+
+
+def empty_arrays(names: list[str], width: int, height: int) -> dict[str, np.ndarray]:
+    """Room for the arrays of a picture that come of samples."""
+    shape = (height, width)
+    return {
+        name: np.empty(shape, np.int32) if name == "samples" else np.empty((*shape, 3), np.float32) for name in names
+    }
+
+
+class Film:
+    """Sums over the samples of some rows of a picture. noise: of pixels that are done; None for all samples each."""
+
+    def __init__(
+        self, rows: tuple[int, int], width: int, names: list[str], noise: float | None, device: wp.Device, threads: int
+    ):
+        self.names, self.width, self.device, self.threads = names, width, device, threads
+        self.size = count = width * rows[1]
+        self.is_adaptive = noise is not None
+        self.is_measured = self.is_adaptive or not {"variance", "samples"}.isdisjoint(names)
+        self.struct = film_struct(self.is_measured)()
+        self.struct.first = width * rows[0]
+        self.struct.total = wp.zeros(count, dtype=wp.vec3f, device=device)
+        if self.is_measured:
+            self.struct.spread = wp.zeros(count, dtype=wp.vec3f, device=device)
+            self.struct.count = wp.zeros(count, dtype=wp.int32, device=device)
+            self.struct.is_active = wp.full(count, True, dtype=wp.bool, device=device)
+            self.struct.noise = noise or 0.0
+
+    def developed(
+        self,
+        run: Callable[[int, int, int], None],
+        samples: int,
+        progress: Callable[[int, int], None] | None,
+        preview: Callable[[Image, int], bool | None] | None,
+    ) -> dict[str, np.ndarray]:
+        """The arrays of all samples, or of those so far when `preview` ends the work.
+
+        run(samples, first, count) brings some pixels to that many samples. See `Tracer.render` for the rest.
+        """
+        shown = passes(samples) if preview is not None else [samples]
+        rounds = {*shown, *range(STEP, samples, STEP)} if self.is_adaptive else shown
+        before = 0
+        for end in sorted(rounds):
+            self._expose(run, before, end, samples, progress)
+            before = end
+            if self.is_adaptive and end % STEP == 0:
+                launch(settle, self.size, [self.struct, self.width], self.device, self.threads)
+            if end in shown:
+                arrays = self.arrays(end)
+                if preview is not None and preview(Image(arrays), end) is False:
+                    break
+        return arrays
+
+    def _expose(self, run, before: int, end: int, samples: int, progress) -> None:
+        """Brings all pixels from one number of samples to another, in tiles between which progress is reported."""
+        tile = self.size if progress is None else max(1, TILE_RAYS // (end - before))
+        for begin in range(0, self.size, tile):
+            count = min(tile, self.size - begin)
+            run(end, begin, count)
+            if progress is not None:
+                wp.synchronize_device(self.device)
+                progress(before * self.size + (begin + count) * (end - before), self.size * samples)
+        if not self.is_measured:
+            self.struct.count = end
+
+    def arrays(self, samples: int) -> dict[str, np.ndarray]:
+        """The arrays that were asked for, of shape (rows, width, ...), after that many samples."""
+        count = self.struct.count.numpy() if self.is_measured else samples
+        arrays = {}
+        for name in self.names:
+            if name == "color":
+                values = self.struct.total.numpy() / np.float32(count)[..., None]
+            elif name == "variance":
+                values = self._variance(count)
+            else:
+                values = count.copy()
+            arrays[name] = values.reshape(-1, self.width, *values.shape[1:])
+        return arrays
+
+    def _variance(self, count: np.ndarray) -> np.ndarray:
+        """Of the mean of independent samples; unknown after one."""
+        with np.errstate(divide="ignore", invalid="ignore"):
+            variance = self.struct.spread.numpy() / np.float32(count * (count - 1.0))[:, None]
+        variance[count < 2] = np.inf
+        return variance
+
+
+def passes(samples: int) -> list[int]:
+    """1, 2, 4, ... up to `samples`."""
+    return [1 << k for k in range(samples.bit_length()) if 1 << k < samples] + [samples]
