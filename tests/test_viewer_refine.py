@@ -9,8 +9,8 @@ import pytest
 from viewer_scene import SIZE, moved, viewer_scene
 
 import warprt as rt
-from warprt.image import OUTPUTS
 from warprt.viewer.refine import Pace, Shot, frames
+from warprt.viewer.settings import SHOWN
 from warprt.viewer.worker import Worker
 
 TIMEOUT_S = 60
@@ -54,7 +54,7 @@ def test_coarse_picture_comes_first_and_shows_the_same(tracer):
     np.testing.assert_array_equal(found[-1].image["color"], tracer.render(shot.camera, SIZE)["color"])
 
 
-@pytest.mark.parametrize("output", [name for name in OUTPUTS if name not in ("color", "albedo", "cells", "tests")])
+@pytest.mark.parametrize("output", [name for name in SHOWN if name not in ("color", "albedo", "cells", "tests")])
 def test_data_is_drawn_as_render_draws_it(tracer, output):
     (*coarse, last) = frames(tracer, Shot(tracer.scene.camera, SIZE, output), slow_pace())
     image = tracer.render(size=SIZE, outputs=output)

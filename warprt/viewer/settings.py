@@ -11,6 +11,8 @@ from ..mesh import Mesh
 from ..scene import Instance, Scene
 from ..tracer import TIERS, choice
 
+SHOWN = tuple(name for name in OUTPUTS if name not in ("variance", "samples"))
+"""Outputs that a page can show: the others are about how a picture was sampled, which here changes all the time."""
 MOST_SAMPLES = 4096
 MOST_BOUNCES = 1000
 MOST_CELLS = 2000
@@ -31,7 +33,7 @@ class Settings:
 
     def __post_init__(self):
         choice(self.accuracy, TIERS, "accuracy")
-        choice(self.output, OUTPUTS, "output")
+        choice(self.output, SHOWN, "output")
         checks.integer(self.samples, "samples", 1, MOST_SAMPLES)
         checks.integer(self.bounces, "bounces", 0, MOST_BOUNCES)
         choice(self.device, devices(), "device")

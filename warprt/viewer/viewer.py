@@ -10,7 +10,6 @@ from pathlib import Path
 
 from .. import checks
 from ..camera import Camera
-from ..image import OUTPUTS
 from ..scene import Scene
 from ..scene_files import load_scene
 from ..tracer import TIERS, Tracer, as_device
@@ -22,7 +21,7 @@ from .panel import camera_as_python, path_report
 from .path import Segment, trace_path
 from .reach import how_to_reach, url_of
 from .refine import Frame, Shot
-from .settings import Settings, devices, with_grid
+from .settings import SHOWN, Settings, devices, with_grid
 from .space import framed, viewing_camera
 from .stage import Preview, WorldView, is_same
 from .web import Web, listening
@@ -195,7 +194,7 @@ class Viewer:
     def _join(self, page: Page) -> None:
         """A page has come: all that there is to know."""
         with self._lock:
-            choices = {"accuracy": list(TIERS), "output": list(OUTPUTS), "device": devices()}
+            choices = {"accuracy": list(TIERS), "output": list(SHOWN), "device": devices()}
             page.tell("setup", {"name": self.name, "size": list(self.size), "notes": self.notes, "choices": choices})
             page.tell("settings", asdict(self.settings))
             if self._pick is not None:
