@@ -265,16 +265,20 @@ def trail_struct():
             "t_exit": wp.array(dtype=WIDE),
             "candidates": wp.array(dtype=wp.int32),  # triangles that are tested there
             "visited": wp.array(dtype=wp.bool),  # whether the traversal looks at the cell, or jumps over it
+            "found": wp.array(dtype=wp.bool),  # whether the hit is found there
             "looked": wp.array(dtype=wp.int32),  # the cells that the traversal looks at
             "tested": wp.array(dtype=wp.int32),  # triangles in each of them
+            "hit_instance": wp.int32,  # the closest hit, -1 for none
+            "hit_face": wp.int32,
         },
     )
 
 
 @cache
 def trail_end_struct(real):
-    """Where a walk enters the grid and is to end, how many cells are written, and which looked at come next."""
-    return make_struct("TrailEnd", {"t_enter": real, "t": real, "count": wp.int32, "next": wp.int32, "last": wp.int32})
+    """Where a walk enters the grid and is to end, how many cells are written, which looked at come next, and more."""
+    numbers = ("count", "next", "last", "found")  # found: of those looked at, the one with the hit, or -1
+    return make_struct("TrailEnd", {"t_enter": real, "t": real, **dict.fromkeys(numbers, wp.int32)})
 
 
 @cache

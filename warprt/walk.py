@@ -35,6 +35,12 @@ class CellWalk:
     """(n,) int32: how many triangles are tested there, eight for each block whose box the ray meets before its hit."""
     visited: np.ndarray
     """(n,) bool: whether the traversal looks at the cell, or jumps over it."""
+    found: np.ndarray
+    """(n,) bool: True for the one cell in which the search finds the closest hit, if that is on a mesh with a grid.
+
+    It is where the triangle is tested first. That can be before the cell that holds the point, and beside the
+    triangle, since triangles are tested eight at a time.
+    """
     corners: np.ndarray
     """(n, 8, 3) float64: corners in world space, the index along z running fastest."""
     origin: np.ndarray
@@ -74,6 +80,8 @@ def walk_cells(tracer: "Tracer", origin: np.ndarray, direction: np.ndarray) -> C
     # A little beyond the hit, whose parameter has been rounded.
     t_max = float(ray_and_hit["hit"].t) * (1 + 2.0**-22)
     kernel, trail = make_walk_cells(scene.spec), trail_struct()()
+    hit = ray_and_hit["hit"]
+    trail.hit_instance, trail.hit_face = int(hit.instance_id), int(hit.primitive_id)
     first = wp.zeros(count, dtype=wp.int32, device=device)
     counts = wp.empty(count, dtype=wp.int32, device=device)
     most_looked = scene.steps_across()
@@ -86,7 +94,8 @@ def walk_cells(tracer: "Tracer", origin: np.ndarray, direction: np.ndarray) -> C
     if total == 0:
         return CellWalk(**_no_cells(), **ray_and_hit)
     first.assign((np.cumsum(lengths) - lengths).astype(np.int32))
-    types = {"cell": wp.vec3i, "t_enter": wp.float64, "t_exit": wp.float64, "candidates": wp.int32, "visited": wp.bool}
+    types = {"cell": wp.vec3i, "t_enter": wp.float64, "t_exit": wp.float64, "candidates": wp.int32}
+    types |= {"visited": wp.bool, "found": wp.bool}
     for name, dtype in types.items():
         setattr(trail, name, wp.empty(total, dtype=dtype, device=device))
     trail.looked, trail.tested = (wp.empty(int(most_looked.sum()), dtype=wp.int32, device=device) for _ in range(2))
@@ -102,7 +111,7 @@ def walk_cells(tracer: "Tracer", origin: np.ndarray, direction: np.ndarray) -> C
 def _no_cells() -> dict[str, np.ndarray]:
     ids, numbers = np.zeros(0, np.int32), np.zeros(0)
     fields = {"instance_id": ids, "cell": np.zeros((0, 3), np.int32), "t_enter": numbers, "t_exit": numbers}
-    return fields | {"candidates": ids, "visited": ids > 0, "corners": np.zeros((0, 8, 3))}
+    return fields | {"candidates": ids, "visited": ids > 0, "found": ids > 0, "corners": np.zeros((0, 8, 3))}
 
 
 def _corners(scene, instance_id: np.ndarray, cell: np.ndarray) -> np.ndarray:
