@@ -100,16 +100,17 @@ def cosine_direction(n: Vec3, x: wp.float64, y: wp.float64):
 
 @cache
 def make_scatter(look: Look):
-    """The path after a surface that scatters evenly, whose share is already taken; it ends below a smooth mesh."""
+    """The path after a surface that scatters evenly, whose share is already taken."""
     Path, Point, number, seen_normal = path_struct(look), point_struct(look), make_number(look), make_seen_normal(look)
-    u, v, wide = int(Choice.DIRECTION_U), int(Choice.DIRECTION_V), look.spec.tier.wide
-    shows_lamps = look.shown_lamps
+    u, v = int(Choice.DIRECTION_U), int(Choice.DIRECTION_V)
+    shows_lamps, is_smooth = look.shown_lamps, look.smooth_normals
+    above = make_above(look.spec.tier.wide) if is_smooth else None
 
     @wp.func
     def scatter(path: Path, p: Point) -> Path:
         d = cosine_direction(seen_normal(p), number(path, wp.static(u)), number(path, wp.static(v)))
-        if not wp.dot(d, p.normal) > wide(0.0):
-            path.throughput = wp.vec3f()
+        if wp.static(is_smooth):
+            d = above(d, p.normal)
         path.d = d
         if wp.static(shows_lamps):
             path.is_scattered = True

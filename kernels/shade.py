@@ -63,13 +63,20 @@ def make_absorbed(look: Look):
 
 @cache
 def make_radiance(look: Look):
-    """Colour seen along a ray, after up to `max_bounces` surfaces at which it goes on."""
+    """Colour seen along a ray; where it may go on, after up to `max_bounces` surfaces at which it does."""
     Scene, Lights, Path = scene_struct(look.spec), look_struct(look), path_struct(look)
     trace, point = make_trace(look.spec, Search.CLOSEST), make_point(look)
     scattered, sky = make_scattered(look), make_sky(look)
     goes_on, has_glass, wide = look.goes_on, look.glass, look.spec.tier.wide
     bounce = make_bounce(look) if goes_on else None
     absorbed = make_absorbed(look) if has_glass else None
+
+    @wp.func
+    def seen(scene: Scene, lights: Lights, path: Path) -> wp.vec3f:
+        hit = trace(scene, path.o, path.d, wide(0.0), wide(wp.inf))
+        if hit.instance < 0:
+            return sky(lights, path.d)
+        return scattered(scene, lights, path, point(scene, lights, path, hit))
 
     @wp.func
     def radiance(scene: Scene, lights: Lights, path: Path, max_bounces: int) -> wp.vec3f:
@@ -85,12 +92,9 @@ def make_radiance(look: Look):
             if wp.static(has_glass):
                 path = absorbed(lights, path, p, hit.t)
             color += wp.cw_mul(path.throughput, scattered(scene, lights, path, p))
-            if wp.static(goes_on):
-                path = bounce(lights, path, p)
-                if wp.max(path.throughput) == wp.float32(0.0):
-                    return color
-            else:
+            path = bounce(lights, path, p)
+            if wp.max(path.throughput) == wp.float32(0.0):
                 return color
         return color
 
-    return radiance
+    return radiance if goes_on else seen

@@ -118,6 +118,7 @@ class Look:
     """Shading of a scene as far as it decides which code exists."""
 
     spec: Spec
+    ambient: bool = False
     point_lights: bool = False
     directional_lights: bool = False
     mirrors: bool = False

@@ -415,9 +415,10 @@ def path_struct(look: Look):
     fields = {
         "o": vec3(look.spec.tier.wide),
         "d": vec3(look.spec.tier.wide),
-        "throughput": wp.vec3f,  # the share of the light along the ray that reaches the camera; 0 at its end
-        "bounce": wp.int32,
     }
+    if look.goes_on:
+        # The share of the light along the ray that reaches the camera, 0 at its end; and how often it has gone on.
+        fields |= {"throughput": wp.vec3f, "bounce": wp.int32}
     if look.has_chance:
         fields |= {"pixel": wp.int32, "sample": wp.int32}
     if look.paths and look.shown_lamps:
@@ -437,15 +438,17 @@ def lit_struct(look: Look):
 
 
 @cache
-def film_struct(is_measured: bool):
-    """What pixels have received so far, from `first` on."""
-    fields = {"first": wp.int32, "total": wp.array(dtype=wp.vec3f)}  # sums over the samples of a pixel
+def film_struct(is_measured: bool, goes_on: bool):
+    """What pixels have received so far, from `first` on. Sums are in float64: samples may be a million."""
+    fields = {"first": wp.int32, "total": wp.array(dtype=wp.vec3d)}  # sums over the samples of a pixel
+    if goes_on:
+        fields["max_bounces"] = wp.int32  # surfaces at which a path may go on
     if is_measured:
         fields |= {
-            "spread": wp.array(dtype=wp.vec3f),  # sums of the squares of what samples are off their mean
+            "spread": wp.array(dtype=wp.vec3d),  # sums of the squares of what samples are off their mean
             "count": wp.array(dtype=wp.int32),
             "is_active": wp.array(dtype=wp.bool),  # whether a pixel needs more samples
-            "noise": wp.float32,  # of one that does not
+            "noise": wp.float64,  # of one that does not
         }
     else:
         fields["count"] = wp.int32  # samples of every pixel
@@ -461,8 +464,9 @@ def look_struct(look: Look):
         "material": wp.array(dtype=wp.int32),  # [instances]
         "diffuse": wp.array(dtype=wp.vec3f),  # [materials]
         "sky": wp.vec3f,  # at the horizon; a factor of a picture
-        "ambient": wp.vec3f,
     }
+    if look.ambient:
+        fields["ambient"] = wp.vec3f
     if look.mirrors:
         fields["mirror"] = wp.array(dtype=wp.vec3f)  # [materials]
     if look.emission:

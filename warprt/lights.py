@@ -100,7 +100,8 @@ class RectangleLight:
     def __post_init__(self):
         for name in ("center", "edge_u", "edge_v"):
             object.__setattr__(self, name, checks.vector(getattr(self, name), f"RectangleLight {name}"))
-        if not np.cross(self.edge_u, self.edge_v).any():
+        sizes = [np.abs(edge).max() or 1.0 for edge in (self.edge_u, self.edge_v)]
+        if not np.cross(self.edge_u / sizes[0], self.edge_v / sizes[1]).any():
             raise ValueError(
                 f"RectangleLight edges must not be parallel; got {self.edge_u.tolist()} and {self.edge_v.tolist()}"
             )
@@ -109,13 +110,14 @@ class RectangleLight:
     def panel(self) -> "Instance":
         """What is seen of the lamp, for the objects of a scene: black, and as bright as the light on both sides.
 
-        It lies behind the light, by a thousandth of the shorter edge, and lights nothing itself.
+        It lies behind the light, by about a thousandth of the shorter edge, and lights nothing itself.
         """
         from .scene import Instance  # which knows lights
 
-        across = np.cross(self.edge_u, self.edge_v)
-        gap = 1e-3 * min(np.linalg.norm(self.edge_u), np.linalg.norm(self.edge_v))
-        middle = self.center - gap * across / np.linalg.norm(across)
+        sizes = [np.abs(edge).max() for edge in (self.edge_u, self.edge_v)]
+        across = checks.direction(np.cross(self.edge_u / sizes[0], self.edge_v / sizes[1]), "RectangleLight edges")
+        gap = max(1e-3 * min(sizes), 4 * np.spacing(np.abs(self.center).max()))
+        middle = self.center - gap * across
         corners = [middle + (i * self.edge_u + j * self.edge_v) / 2 for i, j in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
         return Instance(Mesh(corners, [(0, 1, 2), (0, 2, 3)]), None, Material(0, emission=self.color, shines=False))
 
