@@ -366,3 +366,13 @@ def test_trimesh_reads_what_export_writes(tmp_path):
     ours = rt.load_scene(tmp_path / "b.glb")
     assert sorted(ours.names) == sorted(scene.names)
     assert [type(item.shape) for item in ours.objects] == [rt.Mesh] * 6
+
+
+def test_looks_that_trimesh_has_no_word_for_are_warned_about():
+    materials = [rt.Material(0, emission=5), rt.Material(0, glass=1), rt.Material(0.5, specular=0.5)]
+    scene = rt.Scene([rt.Instance(rt.Sphere(), material=material) for material in materials], background=0.5)
+    with pytest.warns(UserWarning) as notes:
+        scene.to_trimesh()
+    said = " ".join(str(note.message) for note in notes)
+    for words in ("emission of a Material", "glass of a Material", "specular of a Material", "no background"):
+        assert words in said

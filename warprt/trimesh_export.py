@@ -50,6 +50,8 @@ class _Exporter:
                 self._place(item.shape, materials[k], matrix, number)
                 number += 1
         self._camera()
+        if not isinstance(self._scene.background, tuple) or any(self._scene.background):
+            self.notes["trimesh has no background; it is left out"] = None
         lights = [light for light in self._scene.lights if not isinstance(light, (AmbientLight, RectangleLight))]
         if any(isinstance(light, RectangleLight) for light in self._scene.lights):
             self.notes["trimesh has no RectangleLight; it is left out"] = None
@@ -68,6 +70,9 @@ class _Exporter:
 
     def _geometry(self, shape: Shape, material: Material) -> str:
         """The name of the geometry that shows a shape in a material, which is made once."""
+        for name in ("emission", "glass", "specular"):
+            if any(getattr(material, name)):
+                self.notes[f"the {name} of a Material is left out for trimesh"] = None
         key = (id(shape), material.diffuse, material.mirror, id(material.texture))
         if key not in self._geometries:
             name = f"{type(shape).__name__.lower()} {len(self._geometries)}"
