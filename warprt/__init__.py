@@ -26,6 +26,7 @@ from .matrix_camera import MatrixCamera as MatrixCamera
 from .measure import Measured as Measured
 from .measure import measure as measure
 from .mesh import Mesh as Mesh
+from .pool import WorkerPool as WorkerPool
 from .scene import Instance as Instance
 from .scene import Instances as Instances
 from .scene import Scene as Scene
