@@ -111,7 +111,7 @@ def test_spawned_pool_of_the_standard_library_serves(scene):
 def test_forked_pool_is_refused(scene):
     with (
         ProcessPoolExecutor(1, mp_context=get_context("fork")) as executor,
-        pytest.raises(ValueError, match="forks its processes.*WorkerPool"),
+        pytest.raises(ValueError, match=r"forks its processes.*WorkerPool"),
     ):
         rt.Tracer(scene, device="cpu").render(size=SIZE, executor=executor)
 

@@ -91,13 +91,9 @@ def _parser() -> _Parser:
     render.add_argument("--exposure", type=float, default=1.0, metavar="X", help="factor of the light; default 1")
     render.add_argument("--tone", default="srgb", metavar="T", help=f"{' or '.join(TONES)}; default srgb")
     render.add_argument("--turntable", type=int, metavar="N", help="N pictures around the scene, and a moving one")
-    render.add_argument(
-        "--workers", type=int, metavar="N", help="processes of this machine, a GPU each; 0: all there is"
-    )
+    render.add_argument("--workers", type=int, metavar="N", help="processes here, a GPU each; 0: all there is")
     render.add_argument("--scheduler", metavar="ADDRESS", help="of a Dask cluster, such as tcp://host:8786")
-    render.add_argument(
-        "--tile", type=float, metavar="RAYS", help="camera rays of a piece of work; see docs/scaling.md"
-    )
+    render.add_argument("--tile", type=float, metavar="RAYS", help="camera rays of a piece of work for them")
     render.add_argument("--resume", action="store_true", help="go on with what was interrupted")
     render.add_argument("--no-clobber", action="store_true", help="refuse to replace a file")
     render.set_defaults(run=_render)
