@@ -40,6 +40,7 @@ from .shapes import Plane as Plane
 from .shapes import Sphere as Sphere
 from .sky import GradientSky as GradientSky
 from .sky import ImageSky as ImageSky
+from .stream import cast_file as cast_file
 from .texture import Texture as Texture
 from .tracer import Tracer as Tracer
 from .transform import Transform as Transform

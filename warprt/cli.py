@@ -2,9 +2,7 @@
 
 import argparse
 import ast
-import os
 import sys
-import tempfile
 import warnings
 from pathlib import Path
 
@@ -13,6 +11,7 @@ import warp as wp
 from . import launch
 from ._version import __version__
 from .image import OUTPUTS, TONES
+from .quiet import start_warp
 from .scene_files import load_scene, ready_scenes
 from .tracer import ACCELERATORS, INTEGRATORS, TIERS
 
@@ -31,7 +30,7 @@ def main(arguments: list[str] | None = None) -> int:
     options.arguments = sys.argv[1:] if arguments is None else list(arguments)
     launch.on_compile = _announce_compile
     try:
-        _start_warp()
+        start_warp()
         with warnings.catch_warnings():
             warnings.showwarning = _show_warning
             options.run(options)
@@ -46,24 +45,6 @@ def main(arguments: list[str] | None = None) -> int:
 
 def _show_warning(message, *_, **__) -> None:
     print(f"warprt: warning: {message}", file=sys.stderr)
-
-
-def _start_warp() -> None:
-    """Starts Warp without its banner, and without its warning where there is no GPU, which is no fault."""
-    wp.config.log_level = wp.LOG_ERROR
-    # The warning is written by native code, so the file descriptor itself must be turned away for a moment.
-    sys.stderr.flush()
-    with tempfile.TemporaryFile() as aside:
-        kept = os.dup(2)
-        os.dup2(aside.fileno(), 2)
-        try:
-            wp.init()
-        finally:
-            os.dup2(kept, 2)
-            os.close(kept)
-        aside.seek(0)
-        lines = aside.read().decode(errors="replace").splitlines(keepends=True)
-    sys.stderr.write("".join(line for line in lines if "NVIDIA CUDA driver" not in line))
 
 
 def _parser() -> _Parser:

@@ -2,6 +2,7 @@
 
 import importlib.util
 import time
+import weakref
 from concurrent.futures import CancelledError, Executor, Future
 
 import warp as wp
@@ -9,8 +10,10 @@ import warp as wp
 from . import place
 from ._version import __version__
 from .farm import Tile, TileError, run_tile
-from .parcel import Parcel
+from .parcel import Parcel, Recipe
 
+_scattered = weakref.WeakKeyDictionary()
+"""The last scene of each client, by its key: the next picture of it finds it there."""
 PATIENCE = 30.0
 """Seconds to wait for a scheduler, or for a first worker."""
 
@@ -65,16 +68,20 @@ def require_workers(client, patience: float = PATIENCE) -> None:
 class DaskDelivery:
     """The recipe scattered to the workers of a client: once to each, and kept there."""
 
-    def __init__(self, executor: Executor, parcel: Parcel):
+    def __init__(self, executor: Executor, parcel: Parcel, recipe: Recipe):
         self._executor = executor
         self._client = executor._client
         self._parcel = parcel
+        self._recipe = recipe
         require_workers(self._client)
-        self._scatter()
+        key, self._scattered = _scattered.get(self._client, ("", None))
+        if key != parcel.key or self._scattered.status != "finished":
+            self._scatter()
 
     def _scatter(self) -> None:
         # To all of them, so that it is not lost with one. hash=False: a new key each time, as a lost one stays lost.
-        self._scattered = self._client.scatter(self._parcel, broadcast=True, hash=False)
+        self._scattered = self._client.scatter(self._parcel.packed(self._recipe), broadcast=True, hash=False)
+        _scattered[self._client] = self._parcel.key, self._scattered
 
     def workers(self) -> int:
         """How many there are now."""

@@ -213,7 +213,7 @@ def _delivered(executor: Executor, parcel: Parcel, recipe: Recipe, tracer: "Trac
     if type(executor).__module__.startswith("distributed."):
         from .cluster import DaskDelivery
 
-        yield DaskDelivery(executor, parcel.packed(recipe))
+        yield DaskDelivery(executor, parcel, recipe)
         return
     with at_hand(parcel.key, tracer), tempfile.TemporaryDirectory(prefix="warprt-") as folder:
         is_here = isinstance(executor, (ThreadPoolExecutor, InProcess)) and tracer is not None

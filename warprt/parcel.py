@@ -1,4 +1,4 @@
-"""What a worker needs to make a tracer: a scene and settings, known by their contents, unpacked once in each process."""
+"""What a worker needs to make a tracer: scene and settings, known by their contents, unpacked once in each process."""
 
 import pickle
 import threading
@@ -43,7 +43,7 @@ class Recipe:
 
 @dataclass(frozen=True)
 class Parcel:
-    """A recipe on its way. It holds the pickled recipe, or the path of a file of it, or, within one process, neither."""
+    """A recipe on its way: it holds the recipe pickled, or the path of a file of it, or, in one process, neither."""
 
     key: str
     """Hash of the recipe: equal for equal contents."""
@@ -66,7 +66,7 @@ class Parcel:
     def tracer(self) -> tuple["Tracer", bool]:
         """The tracer, and whether it had to be made. Hold `lock`.
 
-        Raises ValueError for other versions than here or no such device, FileNotFoundError if the file is not seen.
+        Raises ValueError for other versions than here or no such device, and if the file is not seen.
         """
         if self.key in _tracers:
             _tracers.move_to_end(self.key)
@@ -89,8 +89,8 @@ class Parcel:
             try:
                 return pickle.loads(self.contents.read_bytes())
             except FileNotFoundError:
-                raise FileNotFoundError(
-                    f"worker {place.name()} does not see {self.contents}, the scene: workers must share this machine's files"
+                raise ValueError(
+                    f"worker {place.name()} does not see {self.contents}, the scene: it must share this machine's files"
                 ) from None
         return pickle.loads(self.contents)
 

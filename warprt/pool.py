@@ -8,6 +8,7 @@ import warp as wp
 
 from . import checks
 from .launch import default_threads
+from .quiet import start_warp
 
 
 class WorkerPool(Executor):
@@ -64,4 +65,4 @@ def _begin(counter, devices: int, threads: int) -> None:
     os.environ["WARPRT_THREADS"] = str(threads)
     if devices:
         os.environ["WARPRT_DEVICE"] = f"cuda:{number % devices}"
-    wp.config.log_level = wp.LOG_ERROR
+    start_warp()

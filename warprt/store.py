@@ -28,7 +28,7 @@ class Store:
         self._shapes: dict[str, tuple[tuple, np.dtype]] = {}
 
     def begin(self, terms: dict) -> list[str]:
-        """Opens the folder, or makes it. What differs from `terms`, by name, if it is of other work: then nothing is taken.
+        """Opens the folder, or makes it. What of `terms`, by name, differs if it is of other work, which is not taken.
 
         terms: what the contents depend on. Raises ValueError for a folder that is something else, OSError when it
         cannot be made.

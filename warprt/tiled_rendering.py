@@ -48,7 +48,7 @@ class TiledJob(Job):
         options = self.options
         self.camera = self.scene.camera
         if self.camera is None:
-            self.camera = Tracer(self.scene, device="cpu", accelerator="none").framing_camera()
+            self.camera = Tracer(self.scene, options.accuracy, "cpu", "none").framing_camera()
         if self.frames:
             turned(self.camera, 0)
         names = ("samples", "max_bounces", "integrator", "noise")
@@ -154,9 +154,10 @@ class TiledJob(Job):
     def _report(self, summary: Summary) -> None:
         what = f"{len(self.frames)} frames of " if self.frames else ""
         width, height = self.options.size
+        rate = summary.rays / max(summary.seconds, 1e-9) / 1e6
         print(
             f"{self.output}: {what}{width} x {height}, {summary.rays:,} camera rays in {summary.seconds:.2f} s, "
-            f"{summary.rays / max(summary.seconds, 1e-9) / 1e6:.2f} Mrays/s ({self.recipe.accuracy}, {self.recipe.device})"
+            f"{rate:.2f} Mrays/s ({self.recipe.accuracy}, {self.recipe.device})"
         )
         print(summary)
 
