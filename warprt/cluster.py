@@ -18,32 +18,32 @@ PATIENCE = 30.0
 """Seconds to wait for a scheduler, or for a first worker."""
 
 
-def connect(address: str, patience: float = PATIENCE):
+def connect(address: str):
     """A `distributed.Client` of the scheduler at an address such as "tcp://host:8786".
 
-    Raises ModuleNotFoundError-like ImportError as ValueError where Dask is not installed, ConnectionError when nobody
-    answers in time.
+    Raises ValueError where Dask is not installed, ConnectionError when nobody answers in time.
     """
     if importlib.util.find_spec("distributed") is None:
         raise ValueError("a scheduler needs Dask: pip install 'warprt[distributed]'")
     import distributed
 
     try:
-        return distributed.Client(address, timeout=patience)
-    except (OSError, ValueError) as error:
-        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
-        raise ConnectionError(f"no Dask scheduler answers at {address} within {patience:g} s ({reason})") from None
+        return distributed.Client(address, timeout=PATIENCE)
+    except ValueError as error:
+        raise ValueError(f"{address!r} is no address of a Dask scheduler, such as tcp://host:8786: {error}") from None
+    except OSError:
+        raise ConnectionError(f"no Dask scheduler answers at {address} within {PATIENCE:g} s") from None
 
 
-def require_workers(client, patience: float = PATIENCE) -> None:
+def require_workers(client) -> None:
     """Waits for a first worker; then raises ValueError that names a worker without warprt, or with another version.
 
     Raises ConnectionError when there is no worker in time.
     """
     try:
-        client.wait_for_workers(1, timeout=patience)
+        client.wait_for_workers(1, timeout=PATIENCE)
     except TimeoutError:
-        raise ConnectionError(f"no worker has come to {client.scheduler.address} within {patience:g} s") from None
+        raise ConnectionError(f"no worker has come to {client.scheduler.address} within {PATIENCE:g} s") from None
 
     def versions() -> dict[str, str | None]:
         # A function within a function travels by value, so it runs where warprt is missing.
@@ -88,11 +88,16 @@ class DaskDelivery:
         return max(1, len(self._client.scheduler_info(n_workers=-1)["workers"]))
 
     def submit(self, tile: Tile) -> Future:
-        """pure=False: a tile that failed is not answered from memory."""
+        """As the executor's own, whose futures never end when the scheduler is lost as their result is fetched."""
         try:
-            return self._executor.submit(run_tile, self._scattered, tile, pure=False)
+            # pure=False: a tile that failed is not answered from memory.
+            task = self._client.submit(run_tile, self._scattered, tile, pure=False, **self._executor._kwargs)
         except RuntimeError as error:
             raise TileError(f"the Dask client is closed ({error})") from None
+        future: Future = Future()
+        future.add_done_callback(lambda _: task.cancel() if future.cancelled() else None)
+        task.add_done_callback(lambda _: _land(task, future))
+        return future
 
     def mend(self, error: BaseException) -> None:
         """Scatters again when the scene may be lost: a cancelled tile means that its scheduler, or its input, is."""
@@ -107,6 +112,16 @@ class DaskDelivery:
             time.sleep(0.1)
         require_workers(self._client)
         self._scatter()
+
+
+def _land(task, future: Future) -> None:
+    """Passes on what has become of a task."""
+    if not future.set_running_or_notify_cancel():
+        return
+    try:
+        future.set_result(task.result(timeout=PATIENCE))
+    except (Exception, CancelledError) as error:
+        future.set_exception(error)
 
 
 def kind(client, asked: str | None) -> str:
