@@ -1,6 +1,7 @@
 """Workers of a Dask cluster."""
 
 import importlib.util
+import math
 import time
 import weakref
 from concurrent.futures import CancelledError, Executor, Future
@@ -73,6 +74,8 @@ class DaskDelivery:
         self._client = executor._client
         self._parcel = parcel
         self._recipe = recipe
+        self._address = self._client.scheduler.address
+        self._count, self._counted_at = 1, -math.inf
         require_workers(self._client)
         key, self._scattered = _scattered.get(self._client, ("", None))
         if key != parcel.key or self._scattered.status != "finished":
@@ -84,8 +87,11 @@ class DaskDelivery:
         _scattered[self._client] = self._parcel.key, self._scattered
 
     def workers(self) -> int:
-        """How many there are now."""
-        return max(1, len(self._client.scheduler_info(n_workers=-1)["workers"]))
+        """How many there are now, or were a second ago: asking takes a way to the scheduler and back."""
+        if time.monotonic() > self._counted_at + 1 and self._client.status == "running":
+            self._count = max(1, len(self._client.scheduler_info(n_workers=-1).get("workers", {})))
+            self._counted_at = time.monotonic()
+        return self._count
 
     def submit(self, tile: Tile) -> Future:
         """As the executor's own, whose futures never end when the scheduler is lost as their result is fetched."""
@@ -108,7 +114,7 @@ class DaskDelivery:
         end = time.monotonic() + PATIENCE
         while self._client.status != "running":
             if time.monotonic() > end or self._client.status == "closed":
-                raise TileError(f"the scheduler at {self._client.scheduler.address} is gone")
+                raise TileError(f"the scheduler at {self._address} is gone")
             time.sleep(0.1)
         require_workers(self._client)
         self._scatter()
