@@ -9,7 +9,7 @@ from warprt.files import require_writable
 from warprt.launch import default_threads
 from warprt.mesh import Mesh
 
-from . import all_hits, instances, leaks, machine, meshes, rates, report, resolution, scaling, specialisation
+from . import all_hits, instances, leaks, machine, meshes, rates, report, resolution, scaling, specialisation, workers
 
 SIZES = (10_000, 100_000, 1_000_000)
 QUICK_SIZES = (10_000, 100_000)
@@ -48,7 +48,10 @@ def run(options) -> None:
         if path:
             require_writable(path)
     threads = options.threads or default_threads()
+    if options.topic == "workers":
+        threads = 1
     size, rounds = options.size or (192 if options.quick else 512), 7 if options.quick else 9
+    rounds = 3 if options.topic == "workers" else rounds
     about = {**machine.about("cpu"), "topic": options.topic, "threads": threads, "rounds": rounds}
     print(f"{about['device']}, {threads} thread(s); medians of {rounds} alternating rounds")
     results, table, draw = TOPICS[options.topic](options, size, rounds, threads)
@@ -104,6 +107,12 @@ def _all_hits(options, size: int, rounds: int, threads: int):
     return results, all_hits.table, None
 
 
+def _workers(options, size: int, rounds: int, threads: int):
+    if options.quick:
+        return workers.measure(20_000, 64, 2, 1 << 11, rounds), workers.table, None
+    return workers.measure(1_100_000, 1024, 8, 1 << 20, rounds), workers.table, None
+
+
 TOPICS = {
     "rates": _rates,
     "all-hits": _all_hits,
@@ -112,5 +121,6 @@ TOPICS = {
     "instances": _instances,
     "specialisation": _specialisation,
     "leaks": _leaks,
+    "workers": _workers,
 }
 """What can be measured: functions that give (results, table of them, drawing of them or None)."""

@@ -79,7 +79,7 @@ def _parser() -> _Parser:
     render.add_argument("--no-clobber", action="store_true", help="refuse to replace a file")
     render.set_defaults(run=_render)
     bench = commands.add_parser("bench", help="measure against wp.Mesh and Embree")
-    topics = ["rates", "resolution", "scaling", "instances", "specialisation", "leaks", "all-hits"]
+    topics = ["rates", "resolution", "scaling", "instances", "specialisation", "leaks", "all-hits", "workers"]
     bench.add_argument("topic", nargs="?", default="rates", choices=topics)
     bench.add_argument("--quick", action="store_true", help="fewer and smaller meshes: under a minute")
     bench.add_argument(

@@ -15,6 +15,7 @@ from . import place
 from ._version import __version__
 from .digest import digest
 from .files import write_whole
+from .quiet import start_warp
 from .scene import Scene
 
 if TYPE_CHECKING:
@@ -72,6 +73,8 @@ class Parcel:
             _tracers.move_to_end(self.key)
             return _tracers[self.key], False
         self._require_versions()
+        if place.is_apart():
+            start_warp()
         recipe, device = self._recipe(), place.device(self.device)
         _tracers[self.key] = tracer = make_tracer(recipe, device, self.budget)
         while len(_tracers) > MOST_TRACERS:

@@ -1,5 +1,6 @@
 """Where a worker runs: its name, device and threads."""
 
+import multiprocessing
 import os
 import socket
 import sys
@@ -14,6 +15,11 @@ def name() -> str:
     """Of this worker: its address if it is one of Dask's, or else host and process."""
     worker = _dask_worker()
     return worker.address if worker else f"{socket.gethostname()}:{os.getpid()}"
+
+
+def is_apart() -> bool:
+    """Whether this process was started to be a worker."""
+    return multiprocessing.parent_process() is not None or _dask_worker() is not None
 
 
 def device(kind: str) -> wp.Device:
