@@ -4,15 +4,19 @@
 `<!-- end -->` in README.md and docs/.
 """
 
+import itertools
 import json
+import math
 import re
 from collections.abc import Iterable
 from pathlib import Path
 
 from warprt.files import write_whole
 
+from .workers import GPU_RAYS_PER_S, PIXELS, TILE, seconds
+
 ROOT = Path(__file__).parents[1]
-PAGES = ("README.md", "docs/benchmarks.md", "docs/numerics.md")
+PAGES = ("README.md", "docs/benchmarks.md", "docs/numerics.md", "docs/scaling.md")
 TABLE = re.compile(r"(<!-- table: (\w+) (.*?) -->\n).*?(<!-- end -->)", re.DOTALL)
 
 
@@ -172,6 +176,49 @@ def all_hits(name: str) -> str:
     return rows(head, body)
 
 
+def workers(name: str) -> str:
+    """One picture by each executor, measured and by the model."""
+    body = []
+    for executor, entry in results(name)["cases"].items():
+        seconds = [entry[key] for key in ("cold_s", "warm_s", "model_s")]
+        costs = [1e3 * entry[key] for key in ("per_tile_s", "per_mb_s")]
+        body.append(
+            [executor, *(f"{s:.2f}" for s in seconds), f"{entry['tile_s']:.2f}", *(f"{ms:.1f}" for ms in costs)]
+        )
+    head = ["", "first picture, s", "next ones, s", "by the model, s", "work of a tile, s", "cost of a tile, ms"]
+    return rows([*head, "of a MB, ms"], body)
+
+
+def planned(name: str) -> str:
+    """What the model predicts for machines that nobody has measured."""
+    cases = results(name)["cases"]
+    a_core = TILE / cases["in process"]["tile_s"]
+    plans = [
+        ("8 GPUs of one machine", "pool of 2", 8, GPU_RAYS_PER_S, (1 << 23, 1 << 25)),
+        ("100 machines of 32 cores, Dask", "Dask, 2", 100, 32 * a_core, (1 << 23, 1 << 26)),
+    ]
+    body = []
+    for title, executor, count, rate, sizes in plans:
+        for samples, rays in itertools.product((1, 16, 256), sizes):
+            tile = rays / rate
+            megabytes = 3e-6 * rays / samples
+            cost = cases[executor]["per_tile_s"] + megabytes * cases[executor]["per_mb_s"]
+            tiles = math.ceil(PIXELS * samples / rays)
+            whole = seconds(tiles, tile, cost, count)
+            share = tiles * tile / (count * whole)
+            cells = [
+                f"{rays / 1e6:.0f} M",
+                f"{tile:.2f}",
+                f"{megabytes:.1f}",
+                f"{1e3 * cost:.0f}",
+                f"{tile / cost:.0f}",
+            ]
+            body.append([title, samples, *cells, f"{whole:.1f}", f"{100 * share:.0f} %"])
+            title = ""
+    head = ["", "samples", "rays of a tile", "its work, s", "its result, MB", "its cost, ms", "saturates at workers"]
+    return rows([*head, "16k x 16k picture, s", "workers busy"], body)
+
+
 def _all(names: Iterable[str]) -> dict:
     merged: dict = {}
     for name in names:
@@ -179,7 +226,22 @@ def _all(names: Iterable[str]) -> dict:
     return merged
 
 
-MAKERS = (rates, brief, tiers, builds, gains, resolution, instances, leaks, errors, jumps, directions, all_hits)
+MAKERS = (
+    rates,
+    brief,
+    tiers,
+    builds,
+    gains,
+    resolution,
+    instances,
+    leaks,
+    errors,
+    jumps,
+    directions,
+    all_hits,
+    workers,
+    planned,
+)
 KINDS = {function.__name__: function for function in MAKERS}
 
 

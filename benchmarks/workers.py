@@ -23,6 +23,12 @@ from warprt.timing import alternating
 from .meshes import blob
 
 COUNTS = (1, 2, 4)
+TILE = 1 << 20
+"""Camera rays of a tile of the picture that is measured: about a second of one thread."""
+GPU_RAYS_PER_S = 3e8
+"""An assumption, for predictions: camera rays, with their shading, of one GPU. None has been measured."""
+PIXELS = 1 << 28
+"""Of the picture that is predicted."""
 EMPTY_TILES = 300
 BYTES = 1 << 21
 """Of the larger results by which the cost of a byte is found."""
