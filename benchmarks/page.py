@@ -13,7 +13,8 @@ from pathlib import Path
 
 from warprt.files import write_whole
 
-from .workers import GPU_RAYS_PER_S, PIXELS, TILE, seconds
+from .workers import GPU_RAYS_PER_S, PIXELS, TILE
+from .workers import seconds as modelled
 
 ROOT = Path(__file__).parents[1]
 PAGES = ("README.md", "docs/benchmarks.md", "docs/numerics.md", "docs/scaling.md")
@@ -204,7 +205,7 @@ def planned(name: str) -> str:
             megabytes = 3e-6 * rays / samples
             cost = cases[executor]["per_tile_s"] + megabytes * cases[executor]["per_mb_s"]
             tiles = math.ceil(PIXELS * samples / rays)
-            whole = seconds(tiles, tile, cost, count)
+            whole = modelled(tiles, tile, cost, count)
             share = tiles * tile / (count * whole)
             cells = [
                 f"{rays / 1e6:.0f} M",

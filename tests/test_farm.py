@@ -96,6 +96,11 @@ def test_rays_get_the_same_bits_from_any_executor(scene, pool, device, accuracy,
             np.testing.assert_array_equal(tracer.cast(origins, directions, outputs="t", executor=executor).t, brief.t)
             for query in (tracer.occluded, tracer.count):
                 np.testing.assert_array_equal(query(origins, directions, executor=executor), query(origins, directions))
+            every, most = tracer.cast_all(origins, directions), tracer.cast_all(origins, directions, max_hits=1)
+            for whole, options in ((every, {}), (most, {"max_hits": 1})):
+                shared_all = tracer.cast_all(origins, directions, executor=executor, **options)
+                for name in ("offsets", "ray_id", *rt.hits.FIELDS[1:]):
+                    np.testing.assert_array_equal(getattr(shared_all, name), getattr(whole, name))
     for one, other in zip(shared.spawn(directions), hits.spawn(directions), strict=True):
         np.testing.assert_array_equal(one, other)
     assert tracer.cast(np.zeros((0, 3)), directions, executor=pool).t.shape == (0,)

@@ -2,6 +2,8 @@
 
 import multiprocessing
 import os
+import signal
+import threading
 from concurrent.futures import BrokenExecutor, Executor, Future, ProcessPoolExecutor
 
 import warp as wp
@@ -65,4 +67,12 @@ def _begin(counter, devices: int, threads: int) -> None:
     os.environ["WARPRT_THREADS"] = str(threads)
     if devices:
         os.environ["WARPRT_DEVICE"] = f"cuda:{number % devices}"
+    # Ctrl-C is for the process that hands out the work; when that is gone, so is the work.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_end_with, args=(multiprocessing.parent_process(),), daemon=True).start()
     start_warp()
+
+
+def _end_with(parent) -> None:
+    parent.join()
+    os._exit(1)

@@ -79,6 +79,12 @@ class RayTile:
         found = getattr(tracer, self.query)(self.origins, self.directions, *self.limits, **self.options)
         if self.query == "cast":
             return {name: getattr(found, name) for name in self.options["outputs"]}
+        if self.query == "cast_all":
+            # As many rows as there are hits, and how many each ray has.
+            return {
+                "counts": np.diff(found.offsets),
+                **{name: getattr(found, name) for name in self.options["outputs"]},
+            }
         return {self.query: found}
 
 

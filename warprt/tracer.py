@@ -15,7 +15,7 @@ from warprt.kernels.render import make_render
 from warprt.kernels.spec import Projection, Tier
 
 from . import checks
-from .all_hits import MOST_HITS, AllHits, Wanted, all_field_names, all_hits, hit_counts
+from .all_hits import MOST_HITS, AllHits, Wanted, all_field_names, all_hits, hit_counts, joined_hits
 from .assemble import assemble, assemble_look
 from .camera import Camera
 from .cameras import CAMERAS, AnyCamera
@@ -185,6 +185,7 @@ class Tracer:
         t_max: float | Array = math.inf,
         outputs: str | Iterable[str] = "all",
         max_hits: int | None = None,
+        executor: Executor | None = None,
     ) -> AllHits:
         """All hits of each ray with t_min <= t < t_max, sorted by t, then by instance and primitive.
 
@@ -197,7 +198,13 @@ class Tracer:
         """
         names = all_field_names(outputs)
         most = MOST_HITS if max_hits is None else checks.integer(max_hits, "max_hits")
-        return all_hits(self._rays(origins, directions, t_min, t_max), self._wanted(names, most))
+        rays = self._rays(origins, directions, t_min, t_max)
+        if executor is not None and rays.count:
+            pieces: dict[int, dict[str, np.ndarray]] = {}
+            options = {"outputs": names, "max_hits": max_hits}
+            self._hand_out("cast_all", rays, executor, options, lambda tile, found: pieces.update({tile.first: found}))
+            return joined_hits(rays.shape, [pieces[first] for first in sorted(pieces)], names)
+        return all_hits(rays, self._wanted(names, most))
 
     def count(
         self,
@@ -214,14 +221,22 @@ class Tracer:
         return hit_counts(rays, self._wanted((), MOST_HITS))
 
     def _shared_out(self, query: str, rays: Rays, executor: Executor, options: dict) -> dict[str, np.ndarray]:
-        """A query whose rays go to an executor in tiles."""
+        """A query that has one answer for each ray, from an executor."""
+        rows = Rows(rays.count)
+        self._hand_out(query, rays, executor, options, rows.put)
+        return {name: values.reshape(rays.shape + values.shape[1:]) for name, values in rows.arrays.items()}
+
+    def _hand_out(self, query: str, rays: Rays, executor: Executor, options: dict, put: Callable) -> None:
         if rays.is_device_array:
             raise ValueError("executor= takes rays from NumPy; these are on a device already")
         vectors, limits = (rays.origins, rays.directions), (rays.t_min, rays.t_max)
-        tiles = ray_tiles(query, vectors, limits, options, TILE_RAYS[self.kind])
-        rows = Rows(rays.count)
-        work(executor, recipe_of(self), tiles, rows.put, tracer=self)
-        return {name: values.reshape(rays.shape + values.shape[1:]) for name, values in rows.arrays.items()}
+        work(
+            executor,
+            recipe_of(self),
+            ray_tiles(query, vectors, limits, options, TILE_RAYS[self.kind]),
+            put,
+            tracer=self,
+        )
 
     def walk(self, origin: ArrayLike, direction: ArrayLike) -> CellWalk:
         """The cells of mesh grids that one ray, given by two (3,) vectors, pierces up to its hit, in order.
