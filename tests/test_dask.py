@@ -5,6 +5,7 @@ import signal
 import socket
 import subprocess
 import sys
+from contextlib import contextmanager
 
 import numpy as np
 import pytest
@@ -53,20 +54,30 @@ class Cluster:
                 self.kill(process)
 
 
-@pytest.fixture
-def machines(tmp_path):
+@contextmanager
+def started():
     machines = Cluster()
-    machines.start_scheduler()
-    machines.add_worker()
-    machines.add_worker()
-    yield machines
-    machines.close()
+    try:
+        machines.start_scheduler()
+        machines.add_worker()
+        machines.add_worker()
+        yield machines
+    finally:
+        machines.close()
 
 
 @pytest.fixture
-def client(machines):
-    with cluster.connect(machines.address) as client:
-        client.wait_for_workers(2, timeout=60)
+def machines():
+    """Two workers, to be killed."""
+    with started() as machines:
+        yield machines
+
+
+@pytest.fixture(scope="module")
+def client():
+    """Of two workers that stay."""
+    with started() as machines, cluster.connect(machines.address) as client:
+        client.wait_for_workers(2, timeout=120)
         yield client
 
 
@@ -92,21 +103,24 @@ def test_pictures_and_rays_are_the_same_bits_and_the_scene_travels_once(scene, c
 
 
 @pytest.mark.usefixtures("small_tiles")
-def test_workers_that_are_killed_lose_nothing(scene, machines, client):
+def test_workers_that_are_killed_lose_nothing(scene, machines):
     tracer = rt.Tracer(scene, device="cpu")
     whole = tracer.render(**OPTIONS)
     killed = []
+    client = cluster.connect(machines.address)
+    client.wait_for_workers(2, timeout=120)
 
     def kill(*_):
         if len(killed) < 2:
-            # Once a worker that computes, and then the other one, when a new one has come.
+            # One of those that compute, and then the other one, each when a new one has come.
             victim = machines.workers[len(killed)]
             machines.add_worker()
-            client.wait_for_workers(3 if not killed else 2, timeout=60)
+            client.wait_for_workers(3, timeout=120)
             machines.kill(victim)
             killed.append(victim)
 
-    images_agree(whole, tracer.render(**OPTIONS, executor=client.get_executor(), progress=kill))
+    with client:
+        images_agree(whole, tracer.render(**OPTIONS, executor=client.get_executor(), progress=kill))
     assert len(killed) == 2
 
 
