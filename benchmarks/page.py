@@ -181,12 +181,20 @@ def workers(name: str) -> str:
     """One picture by each executor, measured and by the model."""
     body = []
     for executor, entry in results(name)["cases"].items():
-        seconds = [entry[key] for key in ("cold_s", "warm_s", "model_s")]
+        seconds = [entry[key] for key in ("cold_s", "warm_s", "model_s", "ratio")]
         costs = [1e3 * entry[key] for key in ("per_tile_s", "per_mb_s")]
         body.append(
             [executor, *(f"{s:.2f}" for s in seconds), f"{entry['tile_s']:.2f}", *(f"{ms:.1f}" for ms in costs)]
         )
-    head = ["", "first picture, s", "next ones, s", "by the model, s", "work of a tile, s", "cost of a tile, ms"]
+    head = [
+        "",
+        "first picture, s",
+        "next ones, s",
+        "by the model, s",
+        "ratio",
+        "work of a tile, s",
+        "cost of a tile, ms",
+    ]
     return rows([*head, "of a MB, ms"], body)
 
 
