@@ -30,6 +30,7 @@ GPU_RAYS_PER_S = 3e8
 PIXELS = 1 << 28
 """Of the picture that is predicted."""
 EMPTY_TILES = 300
+LARGE_TILES = 30
 BYTES = 1 << 21
 """Of the larger results by which the cost of a byte is found."""
 
@@ -110,7 +111,8 @@ def measure(triangles: int, size: int, samples: int, tile: int, rounds: int) -> 
     for name, (_, count) in pool.items():
         # Round by round: how long a tile takes depends on who else is on the machine.
         each = np.array(busy[name][-rounds:])
-        model = [seconds(pieces["tiles"], tile_s, costs[name]["per_tile_s"], count) for tile_s in each]
+        call_s, cost = costs[name]["call_s"], costs[name]["per_tile_s"]
+        model = call_s + np.array([seconds(pieces["tiles"], tile_s, cost, count) for tile_s in each])
         found = {"cold_s": cold[name], "warm_s": np.median(warm[name]), "model_s": np.median(model)}
         found |= {"ratio": np.median(warm[name] / model), "tile_s": np.median(each), **costs[name]}
         cases[name] = {"workers": count, **{key: float(value) for key, value in found.items()}}
@@ -118,11 +120,11 @@ def measure(triangles: int, size: int, samples: int, tile: int, rounds: int) -> 
 
 
 def _costs(run) -> dict[str, float]:
-    """Seconds that a tile costs beside its work, and each further megabyte of its result."""
-    # Not so many as to fill the disk; the first ones make the file.
-    few = run([Nothing(k, 0) for k in range(EMPTY_TILES)]).seconds / EMPTY_TILES
-    many = run([Nothing(k, BYTES) for k in range(30)]).seconds / 30
-    return {"per_tile_s": few, "per_mb_s": max(0.0, many - few) / (BYTES / 1e6)}
+    """Seconds that a call costs, and a tile beside its work, and each further megabyte of its result."""
+    none = run([]).seconds
+    few = (run([Nothing(k, 0) for k in range(EMPTY_TILES)]).seconds - none) / EMPTY_TILES
+    many = (run([Nothing(k, BYTES) for k in range(LARGE_TILES)]).seconds - none) / LARGE_TILES
+    return {"call_s": none, "per_tile_s": few, "per_mb_s": max(0.0, many - few) / (BYTES / 1e6)}
 
 
 def _scene_costs(what: Recipe) -> dict[str, float]:
@@ -152,11 +154,12 @@ def table(results: dict) -> str:
     lines = [
         f"{pieces['tiles']} tiles, {pieces['triangles']:,} triangles, {pieces['scene_mb']:.1f} MB: packed in "
         f"{pieces['pack_s']:.2f} s, unpacked in {pieces['unpack_s']:.2f} s, built in {pieces['build_s']:.2f} s",
-        f"{'executor':<12} {'cold s':>7} {'warm s':>7} {'model s':>8} {'ratio':>6} {'tile s':>7} {'ms a tile':>10} {'ms a MB':>8}",
+        f"{'executor':<12} {'cold s':>7} {'warm s':>7} {'model s':>8} {'ratio':>6} {'tile s':>7} {'call s':>7} "
+        f"{'ms a tile':>10} {'ms a MB':>8}",
     ]
     for name, entry in results["cases"].items():
         lines.append(
-            f"{name:<12} {entry['cold_s']:>7.2f} {entry['warm_s']:>7.2f} {entry['model_s']:>8.2f} {entry['ratio']:>6.2f} "
-            f"{entry['tile_s']:>7.3f} {1e3 * entry['per_tile_s']:>10.2f} {1e3 * entry['per_mb_s']:>8.2f}"
+            f"{name:<12} {entry['cold_s']:>7.2f} {entry['warm_s']:>7.2f} {entry['model_s']:>8.2f} "
+            f"{entry['ratio']:>6.2f} {entry['tile_s']:>7.3f} {entry['call_s']:>7.2f} {1e3 * entry['per_tile_s']:>10.2f} {1e3 * entry['per_mb_s']:>8.2f}"
         )
     return "\n".join(lines)
