@@ -193,7 +193,8 @@ def workers(name: str) -> str:
         "by the model, s",
         "ratio",
         "work of a tile, s",
-        "cost of a tile, ms",
+        "cost of a call, ms",
+        "of a tile, ms",
     ]
     return rows([*head, "of a MB, ms"], body)
 
