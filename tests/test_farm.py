@@ -3,6 +3,8 @@
 import os
 import random
 import signal
+import subprocess
+import sys
 import time
 from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
 from multiprocessing import get_context
@@ -10,6 +12,7 @@ from multiprocessing import get_context
 import numpy as np
 import pytest
 import ready
+from test_cli import ROOT
 
 import warprt as rt
 from warprt import farm, parcel, tiles
@@ -234,3 +237,32 @@ def test_scenes_travel_whole(name):
     recipe = parcel.Recipe(ready.load(name), "robust", "grid", "cpu")
     sent = parcel.parcel_of(recipe).packed(recipe)
     assert parcel.parcel_of(sent._recipe()).key == sent.key
+
+
+COMPILE = """
+import warp as wp
+from warprt import launch
+from warprt.kernels import build
+
+wp.init()
+print("ready", flush=True)
+input()
+launch.load(build.find_starts, wp.get_device("cpu"))
+"""
+
+
+def test_processes_of_a_machine_compile_once(tmp_path):
+    """Two that need the same kernel at the same moment: the second one finds it in the cache."""
+    environment = {**os.environ, "PYTHONPATH": ROOT, "WARP_CACHE_PATH": str(tmp_path)}
+    command = [sys.executable, "-c", COMPILE]
+    streams = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "stderr": subprocess.STDOUT}
+    both = [subprocess.Popen(command, env=environment, text=True, **streams) for _ in range(2)]
+    for process in both:
+        while "ready" not in process.stdout.readline():
+            assert process.poll() is None
+    for process in both:
+        process.stdin.write("\n")
+        process.stdin.flush()
+    said = "".join(process.communicate()[0] for process in both)
+    assert [process.returncode for process in both] == [0, 0]
+    assert (said.count("(compiled)"), said.count("(cached)")) == (1, 1)
