@@ -97,7 +97,7 @@ class DaskDelivery:
         """As the executor's own, whose futures never end when the scheduler is lost as their result is fetched."""
         try:
             # pure=False: a tile that failed is not answered from memory.
-            task = self._client.submit(run_tile, self._scattered, tile, pure=False, **self._executor._kwargs)
+            task = self._client.submit(run_tile, self._scattered, tile, **{**self._executor._kwargs, "pure": False})
         except RuntimeError as error:
             raise TileError(f"the Dask client is closed ({error})") from None
         future: Future = Future()
