@@ -4,14 +4,15 @@
 `<!-- end -->` in README.md and docs/.
 """
 
-import itertools
 import json
 import math
 import re
+import statistics
 from collections.abc import Iterable
 from pathlib import Path
 
 from warprt.files import write_whole
+from warprt.tiles import MOST_PIXELS
 
 from .workers import GPU_RAYS_PER_S, PIXELS, TILE
 from .workers import seconds as modelled
@@ -181,22 +182,11 @@ def workers(name: str) -> str:
     """One picture by each executor, measured and by the model."""
     body = []
     for executor, entry in results(name)["cases"].items():
-        seconds = [entry[key] for key in ("cold_s", "warm_s", "model_s", "ratio")]
-        costs = [1e3 * entry[key] for key in ("per_tile_s", "per_mb_s")]
-        body.append(
-            [executor, *(f"{s:.2f}" for s in seconds), f"{entry['tile_s']:.2f}", *(f"{ms:.1f}" for ms in costs)]
-        )
-    head = [
-        "",
-        "first picture, s",
-        "next ones, s",
-        "by the model, s",
-        "ratio",
-        "work of a tile, s",
-        "cost of a call, ms",
-        "of a tile, ms",
-    ]
-    return rows([*head, "of a MB, ms"], body)
+        times = [f"{entry[key]:.2f}" for key in ("cold_s", "warm_s", "model_s", "ratio", "tile_s")]
+        costs = [f"{1e3 * entry[key]:.1f}" for key in ("call_s", "per_tile_s", "per_mb_s")]
+        body.append([executor, *times, *costs])
+    head = ["", "first picture, s", "next ones, s", "by the model, s", "ratio", "work of a tile, s"]
+    return rows([*head, "cost of a call, ms", "of a tile, ms", "of a MB, ms"], body)
 
 
 def planned(name: str) -> str:
@@ -204,29 +194,28 @@ def planned(name: str) -> str:
     cases = results(name)["cases"]
     a_core = TILE / cases["in process"]["tile_s"]
     plans = [
-        ("8 GPUs of one machine", "pool of 2", 8, GPU_RAYS_PER_S, (1 << 23, 1 << 25)),
-        ("100 machines of 32 cores, Dask", "Dask, 2", 100, 32 * a_core, (1 << 23, 1 << 26)),
+        ("8 GPUs of one machine", "pool", 8, GPU_RAYS_PER_S, (1 << 23, 1 << 26)),
+        ("100 machines of 32 cores, Dask", "Dask", 100, 32 * a_core, (1 << 23, 1 << 26)),
     ]
     body = []
-    for title, executor, count, rate, sizes in plans:
-        for samples, rays in itertools.product((1, 16, 256), sizes):
-            tile = rays / rate
-            megabytes = 3e-6 * rays / samples
-            cost = cases[executor]["per_tile_s"] + megabytes * cases[executor]["per_mb_s"]
-            tiles = math.ceil(PIXELS * samples / rays)
+    for title, kind, count, rate, sizes in plans:
+        fixed, each = (_median(cases, kind, key) for key in ("per_tile_s", "per_mb_s"))
+        asked = [(samples, min(rays, MOST_PIXELS * samples)) for samples in (1, 16, 256) for rays in sizes]
+        for samples, rays in dict.fromkeys(asked):
+            tile, megabytes = rays / rate, 3e-6 * rays / samples
+            cost, tiles = fixed + megabytes * each, math.ceil(PIXELS * samples / rays)
             whole = modelled(tiles, tile, cost, count)
-            share = tiles * tile / (count * whole)
-            cells = [
-                f"{rays / 1e6:.0f} M",
-                f"{tile:.2f}",
-                f"{megabytes:.1f}",
-                f"{1e3 * cost:.0f}",
-                f"{tile / cost:.0f}",
-            ]
-            body.append([title, samples, *cells, f"{whole:.1f}", f"{100 * share:.0f} %"])
+            figures = [f"{rays / 1e6:.0f} M", f"{tile:.2f}", f"{megabytes:.1f}", f"{1e3 * cost:.0f}"]
+            busy = f"{100 * tiles * tile / (count * whole):.0f} %"
+            body.append([title, samples, *figures, f"{tile / cost:.1f}", f"{whole:.1f}", busy])
             title = ""
     head = ["", "samples", "rays of a tile", "its work, s", "its result, MB", "its cost, ms", "saturates at workers"]
     return rows([*head, "16k x 16k picture, s", "workers busy"], body)
+
+
+def _median(cases: dict, kind: str, key: str) -> float:
+    """Over all numbers of workers."""
+    return statistics.median(entry[key] for name, entry in cases.items() if name.startswith(kind))
 
 
 def _all(names: Iterable[str]) -> dict:

@@ -14,7 +14,7 @@ from .hits import field_names
 from .parcel import recipe_of
 from .progress import Bar
 from .store import Store
-from .tiles import TILE_RAYS, RayTile
+from .tiles import RayTile
 from .tracer import Tracer, choice
 from .typing import ArrayLike
 
@@ -52,7 +52,7 @@ def cast_file(
     limits = (checks.real_array(t_min, "t_min"), checks.real_array(t_max, "t_max"))
     if limits[0].ndim or limits[1].ndim:
         raise ValueError("t_min and t_max must be one number each")
-    rays_of_tile = TILE_RAYS[tracer.kind] if tile is None else checks.integer(tile, "tile")
+    rays_of_tile = tracer.tile_rays if tile is None else checks.integer(tile, "tile")
     recipe, store = recipe_of(tracer), Store(Path(folder), source.count)
     terms = {"scene": digest(recipe), "query": query, "outputs": list(options.get("outputs", ())), "rays": source.name}
     others = store.begin({**terms, "count": source.count, "limits": [float(limit) for limit in limits]})

@@ -96,6 +96,8 @@ class Tracer:
         self.budget = checks.integer(budget, "budget", 1, 2**62)
         self._real = tier.result
         self._device_scene = assemble(scene, tier, self.device, accelerator == "grid")
+        self.tile_rays = TILE_RAYS[self.kind]
+        """Rays of a piece of work for an executor; may be changed."""
         self._is_moved = np.zeros(scene.instance_count, bool)
         self._look: tuple | None = None
         self._look_normals: list[bool] = []
@@ -233,7 +235,7 @@ class Tracer:
         work(
             executor,
             recipe_of(self),
-            ray_tiles(query, vectors, limits, options, TILE_RAYS[self.kind]),
+            ray_tiles(query, vectors, limits, options, self.tile_rays),
             put,
             tracer=self,
         )
@@ -319,7 +321,7 @@ class Tracer:
             if preview is not None:
                 raise ValueError("preview= shows the samples of one process: leave out executor=, or preview=")
             options = {"samples": samples, "max_bounces": max_bounces, "integrator": integrator, "noise": noise}
-            tiles = picture_tiles(camera, (width, height), names, options, rows, TILE_RAYS[self.kind])
+            tiles = picture_tiles(camera, (width, height), names, options, rows, self.tile_rays)
             return self._render_shared_out(tiles, executor, rows[1], rows[1] * width * samples, progress)
         arrays: dict[str, np.ndarray] = {}
         of_film = [name for name in names if name in FILM]
