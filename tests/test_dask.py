@@ -186,3 +186,15 @@ def test_workers_of_another_version_and_without_a_gpu_are_named(client, monkeypa
     monkeypatch.setattr(cluster, "__version__", "9.9")
     with pytest.raises(ValueError, match=r"worker tcp://\S+ has warprt \S+, but the work is of warprt 9\.9"):
         cluster.require_workers(client)
+
+
+def test_worker_without_warprt_is_named():
+    class Client:
+        def wait_for_workers(self, *_, **__):
+            pass
+
+        def run(self, _):
+            return {"tcp://a:1": {"warprt": None, "warp": None}}
+
+    with pytest.raises(ValueError, match=r"worker tcp://a:1 has no warprt, but the work is of warprt"):
+        cluster.require_workers(Client())
