@@ -5,6 +5,7 @@ import signal
 import socket
 import subprocess
 import sys
+import time
 from contextlib import contextmanager
 
 import numpy as np
@@ -98,6 +99,14 @@ def test_pictures_and_rays_are_the_same_bits_and_the_scene_travels_once(scene, c
     # Two pieces of work, one scene: unpacked at most once by each worker, and brought to each once.
     made = client.run(lambda: len(sys.modules["warprt.parcel"]._tracers))
     assert max(made.values()) == 1
+    # Results do not stay there.
+    for _ in range(100):
+        kept = client.run(lambda dask_worker: [type(value).__name__ for value in dask_worker.data.values()])
+        if list(kept.values()) == [["Parcel"], ["Parcel"]]:
+            break
+        time.sleep(0.1)
+    else:
+        raise AssertionError(kept)
     (where,) = client.who_has([cluster._scattered[client][1]]).values()
     assert len(where) == 2
 

@@ -128,6 +128,9 @@ def _land(task, future: Future) -> None:
         future.set_result(task.result(timeout=PATIENCE))
     except (Exception, CancelledError) as error:
         future.set_exception(error)
+    finally:
+        # Or else the worker keeps its copy until Python finds the ring of callbacks.
+        task.release()
 
 
 def kind(client, asked: str | None) -> str:
