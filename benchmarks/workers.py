@@ -55,23 +55,23 @@ def recipe(triangles: int) -> Recipe:
     return Recipe(rt.Scene([rt.Mesh(*blob(triangles))], lights, background=sky), "robust", "grid", "cpu")
 
 
-def executors(stack: ExitStack) -> dict:
+def executors(stack: ExitStack, counts: tuple[int, ...]) -> dict:
     """Every executor that is measured, by name, with its number of workers; they wait until they are asked."""
     found = {"in process": (farm.InProcess(), 1)}
-    for count in COUNTS:
+    for count in counts:
         found[f"pool of {count}"] = stack.enter_context(rt.WorkerPool(count, threads=1)), count
     try:
         import distributed
     except ImportError:
         return found
-    for count in COUNTS:
+    for count in counts:
         options = {"n_workers": count, "threads_per_worker": 1, "dashboard_address": ":0"}
         cluster = stack.enter_context(distributed.LocalCluster(**options, silence_logs=50))
         found[f"Dask, {count}"] = stack.enter_context(distributed.Client(cluster)).get_executor(), count
     return found
 
 
-def measure(triangles: int, size: int, samples: int, tile: int, rounds: int) -> dict:
+def measure(triangles: int, size: int, samples: int, tile: int, rounds: int, counts=COUNTS) -> dict:
     """Seconds of one picture by each executor, cold and warm, and the pieces of which a model makes them."""
     os.environ["WARPRT_THREADS"] = "1"
     what = recipe(triangles)
@@ -93,7 +93,7 @@ def measure(triangles: int, size: int, samples: int, tile: int, rounds: int) -> 
             store.remove()
             return summary
 
-        pool, kept, cold = executors(stack), {}, {}
+        pool, kept, cold = executors(stack, counts), {}, {}
         # The tracer is made anew for each call within this process; here it is kept, as workers keep theirs.
         kept[pool["in process"][0]] = make_tracer(what, device("cpu"), 1 << 30)
         for name, (executor, _) in pool.items():

@@ -153,10 +153,10 @@ def test_lost_scheduler_is_said_and_the_same_command_goes_on(folder, machines, m
         put(store, *result)
         count.append(1)
         if len(count) == 7:
+            monkeypatch.setattr(cluster, "PATIENCE", 2.0)
             machines.kill(machines.scheduler)
 
     monkeypatch.setattr(rt.store.Store, "put", put_and_kill)
-    monkeypatch.setattr(cluster, "PATIENCE", 2.0)
     capfd.readouterr()
     assert run(*command) == 2
     err = capfd.readouterr().err.strip().splitlines()[-1]
