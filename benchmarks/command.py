@@ -9,7 +9,22 @@ from warprt.files import require_writable
 from warprt.launch import default_threads
 from warprt.mesh import Mesh
 
-from . import all_hits, instances, leaks, machine, meshes, rates, report, resolution, scaling, specialisation, workers
+from . import (
+    against_mitsuba,
+    all_hits,
+    instances,
+    leaks,
+    machine,
+    meshes,
+    paths,
+    rates,
+    report,
+    resolution,
+    scaling,
+    shared_scenes,
+    specialisation,
+    workers,
+)
 
 SIZES = (10_000, 100_000, 1_000_000)
 QUICK_SIZES = (10_000, 100_000)
@@ -113,6 +128,21 @@ def _workers(options, size: int, rounds: int, threads: int):
     return workers.measure(1_100_000, 1024, 4, workers.TILE, rounds), workers.table, None
 
 
+def _mitsuba(options, size: int, rounds: int, threads: int):
+    samples = 4 if options.quick else 64
+    bar = tqdm(shared_scenes.SCENES.items(), disable=None, leave=False, desc="bench")
+    shape = size, max(1, size * 3 // 4)
+    results = {name: against_mitsuba.measure(make(), shape, samples) for name, make in bar}
+    return results, against_mitsuba.table, None
+
+
+def _paths(options, size: int, rounds: int, threads: int):
+    samples = 4 if options.quick else 256
+    shape = max(1, size // 8), max(1, size // 8 * 3 // 4)
+    results = {name: paths.measure(scene, shape, samples) for name, scene in paths.scenes().items()}
+    return results, paths.table, None
+
+
 TOPICS = {
     "rates": _rates,
     "all-hits": _all_hits,
@@ -122,5 +152,7 @@ TOPICS = {
     "specialisation": _specialisation,
     "leaks": _leaks,
     "workers": _workers,
+    "mitsuba": _mitsuba,
+    "paths": _paths,
 }
 """What can be measured: functions that give (results, table of them, drawing of them or None)."""

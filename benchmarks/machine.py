@@ -13,7 +13,7 @@ from warprt.launch import default_threads
 
 def about(device: str) -> dict:
     """Device, versions and commit, as they go into a file of results."""
-    versions = {name: _version(name) for name in ("warp-lang", "numpy", "trimesh", "open3d", "embreex")}
+    versions = {name: _version(name) for name in ("warp-lang", "numpy", "trimesh", "open3d", "embreex", "mitsuba")}
     return {
         "device": wp.get_device(device).name if wp.get_device(device).is_cuda else cpu_name(),
         "cores": default_threads(),

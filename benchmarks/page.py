@@ -218,6 +218,38 @@ def _median(cases: dict, kind: str, key: str) -> float:
     return statistics.median(entry[key] for name, entry in cases.items() if name.startswith(kind))
 
 
+def agreement(name: str) -> str:
+    """Depth and normals against Mitsuba's, and what the pixels are that differ."""
+    body = []
+    for scene, entry in results(name).items():
+        for k, (tier, hits) in enumerate(entry["hits"].items()):
+            title = f"{scene} ({entry['instances']} instances, {entry['pixels']:,} pixels)" if k == 0 else ""
+            shares = [f"{100 * hits[key]:.4f} %" for key in ("depth", "normal")]
+            body.append([title, tier, *shares, " / ".join(str(count) for count in hits["differ"].values())])
+    return rows(["scene", "", "same depth", "same normal", "the rest: edge / rounding / through / other"], body)
+
+
+def direct_light(name: str) -> str:
+    """Direct light of each lamp against Mitsuba's."""
+    body = []
+    for scene, entry in results(name).items():
+        for k, (lamp, light) in enumerate(entry["light"].items()):
+            off = [f"{100 * light[key]:.3f} %" for key in ("mean_differs", "pixels_differ")]
+            same = f"{100 * light['same']:.2f} %" if light["samples"] == 1 else ""
+            body.append([scene if k == 0 else "", f"`{lamp}`", light["samples"], *off, same])
+    return rows(["scene", "lamp", "samples", "means differ by", "pixels differ by", "pixels within 1 %"], body)
+
+
+def paths(name: str) -> str:
+    """Pictures by both path tracers."""
+    body = [
+        [scene, f"{light['pixels']:,}", light["samples"]]
+        + [f"{100 * light[key]:.3f} %" for key in ("mean_differs", "pixels_differ", "noise")]
+        for scene, light in results(name).items()
+    ]
+    return rows(["scene", "pixels", "samples", "means differ by", "pixels differ by", "what noise explains"], body)
+
+
 def _all(names: Iterable[str]) -> dict:
     merged: dict = {}
     for name in names:
@@ -240,6 +272,9 @@ MAKERS = (
     all_hits,
     workers,
     planned,
+    agreement,
+    direct_light,
+    paths,
 )
 KINDS = {function.__name__: function for function in MAKERS}
 

@@ -19,13 +19,20 @@ def measure(size: int, rounds: int, threads: int) -> dict:
     tracer = rt.Tracer(rt.load_scene("showcase"), device="cpu", threads=threads)
     scene = tracer._device_scene
     look, lights = assemble_look(tracer.scene, scene.spec, tracer.device)
-    everything = Look(replace(scene.spec, shapes=frozenset(ShapeKind)), True, True, True, True)
+    everything = Look(
+        replace(scene.spec, shapes=frozenset(ShapeKind)),
+        ambient=True,
+        point_lights=True,
+        directional_lights=True,
+        mirrors=True,
+        gradient_sky=True,
+    )
     camera = tracer.scene.camera.struct(size, size)
 
     def picture(kernel, geometry, shading):
-        film = Film(0, size * size, ["color"], None, tracer.device)
-        launch(kernel, size * size, [geometry, shading, camera, film.struct, 1, 8], tracer.device, threads)
-        return film.arrays(1, size)["color"]
+        film = Film((0, size), size, ["color"], None, 8, tracer.device, threads)
+        launch(kernel, size * size, [geometry, shading, camera, film.struct, 1], tracer.device, threads)
+        return film.arrays(1)["color"]
 
     def recast(make, spec, struct):
         other = make(spec)()

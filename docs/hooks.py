@@ -1,9 +1,11 @@
 """Hooks of mkdocs: pages link to the repository's own files, and snippets of several libraries stand side by side.
 
 Pages are written for a reader of the repository as well. A link such as `../kernels/spec.py` leads to that file there;
-in the site it leads to a page that shows the file, a picture to its copy, and a folder to a list of its files.
+in the site it leads to a page that shows the file, a notebook to a page with its text, code and outputs, a picture to
+its copy, and a folder to a list of its files.
 """
 
+import json
 import posixpath
 import re
 from pathlib import Path
@@ -13,7 +15,7 @@ from mkdocs.structure.files import File, InclusionLevel
 ROOT = Path(__file__).resolve().parents[1]
 LINK = re.compile(r"(?<=\]\()(\.\./[^)\s#]*)(?=[)#])")
 PICTURES = {".png", ".jpg"}
-SHOWN = {".py": "python", ".cfg": "text", ".toml": "toml", ".md": "markdown", ".ipynb": "json", "": "text"}
+SHOWN = {".py": "python", ".cfg": "text", ".toml": "toml", ".md": "markdown", "": "text"}
 OPEN, HALF, CLOSE = '<div class="grid" markdown>', "<div markdown>", "</div>"
 LIBRARY = re.compile(r"^\*\*([^*\n]+)\*\*\n\n(```python\n.*?\n```)\n+", re.MULTILINE | re.DOTALL)
 
@@ -59,8 +61,37 @@ def _site_uri(target):
 def _shown(source):
     """A page with the text of a file."""
     text = source.read_text(encoding="utf-8")
+    if source.suffix == ".ipynb":
+        return _notebook(json.loads(text))
+    return f"# {source.relative_to(ROOT)}\n\n{_fenced(text, SHOWN[source.suffix])}\n"
+
+
+def _notebook(notebook):
+    """A page with the cells of a notebook, and what they gave."""
+    parts = []
+    for cell in notebook["cells"]:
+        text = "".join(cell["source"])
+        if cell["cell_type"] == "markdown":
+            # Notebooks link to each other by the names of their files.
+            parts.append(re.sub(r"(?<=\]\()(\w+\.ipynb)(?=\))", r"\1.md", text))
+        else:
+            parts += [_fenced(text, "python"), *map(_output, cell["outputs"])]
+    return "\n\n".join(parts) + "\n"
+
+
+def _output(output):
+    """What a cell gave: a picture, Markdown, or text."""
+    data = output.get("data", {"text/plain": output.get("text", "")})
+    if "image/png" in data:
+        return f'<img alt="" src="data:image/png;base64,{"".join(data["image/png"]).strip()}">'
+    if "text/markdown" in data:
+        return "".join(data["text/markdown"])
+    return _fenced("".join(data["text/plain"]), "text")
+
+
+def _fenced(text, language):
     fence = "`" * 4
-    return f"# {source.relative_to(ROOT)}\n\n{fence} {SHOWN[source.suffix]}\n{text.rstrip()}\n{fence}\n"
+    return f"{fence} {language}\n{text.rstrip()}\n{fence}"
 
 
 def _listing(folder):

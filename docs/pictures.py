@@ -63,6 +63,24 @@ def cameras():
     sheet.save(IMAGES / "cameras.jpg", quality=88)
 
 
+def integrators():
+    """The Cornell box lit by its lamp alone, and by what its walls send each other too."""
+    tracer = rt.Tracer(rt.load_scene("cornell_box", fill=False))
+    sheet = PIL.Image.new("RGB", (606, 300), "white")
+    for k, (integrator, samples) in enumerate({"whitted": 64, "path": 512}.items()):
+        image = tracer.render(size=(300, 300), samples=samples, integrator=integrator, noise=0.012)
+        sheet.paste(image.to_pil(tone="filmic", exposure=1.6), (306 * k, 0))
+    sheet.save(IMAGES / "integrators.jpg", quality=88)
+
+
+def ripples():
+    """The ready scene of that name, as docs/benchmarks.md measures it."""
+    image = rt.Tracer(rt.load_scene("ripples")).render(size=(1280, 720), samples=16)
+    image.to_pil().save(IMAGES / "ripples.jpg", quality=86)
+
+
 if __name__ == "__main__":
     shapes()
     cameras()
+    integrators()
+    ripples()

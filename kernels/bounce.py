@@ -54,7 +54,7 @@ def make_clear(look: Look):
 def make_onwards(look: Look):
     """The path after a mirror or glass, whose share of the light is already taken."""
     Lights, Path, Point = look_struct(look), path_struct(look), point_struct(look)
-    has_glass, is_smooth = look.glass, look.smooth_normals
+    has_glass, is_smooth, tells_apart = look.glass, look.smooth_normals, look.paths and look.shown_lamps
     seen_normal, above = make_seen_normal(look), make_above(look.spec.tier.wide) if is_smooth else None
     number, fresnel = make_number(look) if has_glass else None, int(Choice.FRESNEL)
     wide, vec = look.spec.tier.wide, vec3(look.spec.tier.wide)
@@ -74,6 +74,8 @@ def make_onwards(look: Look):
         if wp.static(is_smooth):
             d = above(d, side)
         path.d = d
+        if wp.static(tells_apart):
+            path.is_scattered = False
         return path
 
     return onwards
@@ -98,16 +100,20 @@ def cosine_direction(n: Vec3, x: wp.float64, y: wp.float64):
 
 @cache
 def make_scatter(look: Look):
-    """The path after a surface that scatters evenly, whose share is already taken; it ends below a smooth mesh."""
+    """The path after a surface that scatters evenly, whose share is already taken."""
     Path, Point, number, seen_normal = path_struct(look), point_struct(look), make_number(look), make_seen_normal(look)
-    u, v, wide = int(Choice.DIRECTION_U), int(Choice.DIRECTION_V), look.spec.tier.wide
+    u, v = int(Choice.DIRECTION_U), int(Choice.DIRECTION_V)
+    shows_lamps, is_smooth = look.shown_lamps, look.smooth_normals
+    above = make_above(look.spec.tier.wide) if is_smooth else None
 
     @wp.func
     def scatter(path: Path, p: Point) -> Path:
         d = cosine_direction(seen_normal(p), number(path, wp.static(u)), number(path, wp.static(v)))
-        if not wp.dot(d, p.normal) > wide(0.0):
-            path.throughput = wp.vec3f()
+        if wp.static(is_smooth):
+            d = above(d, p.normal)
         path.d = d
+        if wp.static(shows_lamps):
+            path.is_scattered = True
         return path
 
     return scatter

@@ -118,7 +118,7 @@ def make_direct(look: Look):
     lamp = make_lamp(look) if has_point or has_spot or has_rectangle else None
     occluded = make_trace(look.spec, Search.ANY) if has_sun else None
     cosine_to, add_light = (make_cosine(look), make_add_light(look)) if has_sun else (None, None)
-    wide, vec, has_ambient = look.spec.tier.wide, vec3(look.spec.tier.wide), not look.paths
+    wide, vec, has_ambient = look.spec.tier.wide, vec3(look.spec.tier.wide), look.ambient and not look.paths
 
     @wp.func
     def direct(scene: Scene, lights: Lights, p: Point) -> Lit:

@@ -198,7 +198,7 @@ ENTER = """
     const D best = *(const D*)&packet.t[0];
     const D t_min = *(const D*)&packet.t_min[0];
     const D first = (t_min - (WIDE)1.1920928955078125e-07 * (t_min < zero ? -t_min : t_min)) * inv_scale;
-    D start = (t_min < zero) | (enters > zero) ? enters : zero;
+    D start = ((t_min < zero) | (enters > zero)) ? enters : zero;
     const D far_off = start < zero ? -start : start;
     start = far_off > (WIDE)1.0e7 ? start - (WIDE)FAR_ROUNDINGS * far_off
                                   : floored(start * (WIDE)1024.0) * (WIDE)0.0009765625;

@@ -16,7 +16,7 @@ def make_point(look: Look):
     """The point of a hit, on the side from which the ray comes: surfaces are two-sided."""
     Scene, Lights, Path, Point = scene_struct(look.spec), look_struct(look), path_struct(look), point_struct(look)
     wide, Hit, surface = look.spec.tier.wide, hit_struct(look.spec.tier.wide), make_surface(look.spec)
-    has_glass, has_rectangles = look.glass, look.rectangle_lights
+    has_glass, has_rectangles, goes_on = look.glass, look.rectangle_lights, look.goes_on
     has_tint, is_smooth = look.has_tint, look.smooth_normals
     tint = make_tint(look) if has_tint else None
     shading_normal = make_shading_normal(look) if is_smooth else None
@@ -39,7 +39,8 @@ def make_point(look: Look):
         if wp.static(has_rectangles):
             p.pixel = path.pixel
             p.sample = path.sample
-            p.bounce = path.bounce
+            if wp.static(goes_on):
+                p.bounce = path.bounce
         return p
 
     return point

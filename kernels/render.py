@@ -5,60 +5,41 @@ from functools import cache
 import warp as wp
 
 from .camera import PRIMARY_RAY, sample_position
+from .film import spread_after
 from .shade import make_radiance
 from .spec import Look, Projection
 from .structs import camera_struct, film_struct, look_struct, path_struct, scene_struct, vec3
 
-STEP = wp.constant(16)
-"""Samples after which a pixel is looked at whether it needs more."""
-
-
-@wp.func
-def is_quiet(total: wp.vec3f, spread: wp.vec3f, count: int, noise: wp.float32) -> bool:
-    """Whether the standard error of a pixel's mean is at most `noise`, in square roots of light.
-
-    They are about as even to the eye as sRGB.
-    """
-    n = wp.float32(count)
-    for k in range(3):
-        mean, error = total[k] / n, wp.sqrt(spread[k] / (n * (n - 1.0)))
-        if not wp.sqrt(mean + error) - wp.sqrt(mean) <= noise:
-            return False
-    return True
-
-
-@wp.func
-def spread_after(spread: wp.vec3f, total: wp.vec3f, count: int, value: wp.vec3f) -> wp.vec3f:
-    """The sum of squares off the mean with one more value (Welford 1962); total and count: before it."""
-    if count == 0:
-        return spread
-    n = wp.float32(count)
-    return spread + wp.cw_mul(value - total / n, value - (total + value) / (n + 1.0))
-
 
 @cache
-def make_sample(look: Look, projection: Projection):
+def make_sample(look: Look, projection: Projection, is_measured: bool):
     """Colour of one sample of a pixel; of one projection, no other is there."""
     Scene, Lights, Camera = scene_struct(look.spec), look_struct(look), camera_struct(projection)
+    Film = film_struct(is_measured, look.goes_on)
     primary_ray, is_round = PRIMARY_RAY[projection], projection is Projection.FISHEYE
     radiance, vec, Path, has_chance = make_radiance(look), vec3(look.spec.tier.wide), path_struct(look), look.has_chance
+    goes_on = look.goes_on
 
     @wp.func
-    def sample(scene: Scene, lights: Lights, camera: Camera, pixel: int, k: int, max_bounces: int) -> wp.vec3f:
+    def sample(scene: Scene, lights: Lights, camera: Camera, film: Film, at: int, k: int) -> wp.vec3d:
+        pixel = film.first + at
         row, column = wp.float64(pixel / camera.width), wp.float64(pixel % camera.width)
         x, y = sample_position(k)
         o, d = primary_ray(camera, column + x, row + y)
         if wp.static(is_round):
             # Outside the circle nothing is seen, not even the background.
             if not wp.length_sq(d) > wp.float64(0.0):
-                return wp.vec3f()
+                return wp.vec3d()
         path = Path()
         path.o = vec(o)
         path.d = vec(d)
         if wp.static(has_chance):
             path.pixel = pixel
             path.sample = k
-        return radiance(scene, lights, path, max_bounces)
+        if wp.static(goes_on):
+            return wp.vec3d(radiance(scene, lights, path, film.max_bounces))
+        else:
+            return wp.vec3d(radiance(scene, lights, path))
 
     return sample
 
@@ -67,34 +48,32 @@ def make_sample(look: Look, projection: Projection):
 def make_render(look: Look, projection: Projection = Projection.PINHOLE, is_measured: bool = False):
     """Adds samples to pixels, row by row from the top, until each has `samples` of them.
 
-    is_measured: how far samples spread is kept too, and a pixel may need fewer.
+    is_measured: how far samples spread is kept too, and pixels that are done take no more.
     """
     Scene, Lights, Camera = scene_struct(look.spec), look_struct(look), camera_struct(projection)
-    Film, sample = film_struct(is_measured), make_sample(look, projection)
+    Film, sample = film_struct(is_measured, look.goes_on), make_sample(look, projection, is_measured)
     options = {"module": "unique", "enable_backward": False, "module_options": look.spec.tier.options}
 
     @wp.kernel(**options)
-    def render(scene: Scene, lights: Lights, camera: Camera, film: Film, samples: int, max_bounces: int, first: int):
+    def render(scene: Scene, lights: Lights, camera: Camera, film: Film, samples: int, first: int):
         at = first + wp.tid()
-        total = wp.vec3f(film.total[at])
+        total = wp.vec3d(film.total[at])
         for k in range(film.count, samples):
-            total += sample(scene, lights, camera, film.first + at, k, max_bounces)
+            total += sample(scene, lights, camera, film, at, k)
         film.total[at] = total
 
     @wp.kernel(**options)
-    def measure(scene: Scene, lights: Lights, camera: Camera, film: Film, samples: int, max_bounces: int, first: int):
+    def measure(scene: Scene, lights: Lights, camera: Camera, film: Film, samples: int, first: int):
         at = first + wp.tid()
-        total, spread, count = wp.vec3f(film.total[at]), wp.vec3f(film.spread[at]), int(film.count[at])
+        if not film.is_active[at]:
+            return
+        total, spread = wp.vec3d(film.total[at]), wp.vec3d(film.spread[at])
         for k in range(film.count[at], samples):
-            if k >= STEP and k % STEP == 0:
-                if is_quiet(total, spread, k, film.noise):
-                    break
-            value = sample(scene, lights, camera, film.first + at, k, max_bounces)
+            value = sample(scene, lights, camera, film, at, k)
             spread = spread_after(spread, total, k, value)
             total += value
-            count = k + 1
         film.total[at] = total
         film.spread[at] = spread
-        film.count[at] = count
+        film.count[at] = samples
 
     return measure if is_measured else render

@@ -118,6 +118,7 @@ class Look:
     """Shading of a scene as far as it decides which code exists."""
 
     spec: Spec
+    ambient: bool = False
     point_lights: bool = False
     directional_lights: bool = False
     mirrors: bool = False
@@ -131,6 +132,8 @@ class Look:
     glass: bool = False
     rectangle_lights: bool = False
     image_sky: bool = False
+    shown_lamps: bool = False
+    """Some surfaces that emit light only show a lamp."""
     paths: bool = False
     """Light goes from surface to surface."""
 

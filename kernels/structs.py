@@ -265,16 +265,20 @@ def trail_struct():
             "t_exit": wp.array(dtype=WIDE),
             "candidates": wp.array(dtype=wp.int32),  # triangles that are tested there
             "visited": wp.array(dtype=wp.bool),  # whether the traversal looks at the cell, or jumps over it
+            "found": wp.array(dtype=wp.bool),  # whether the hit is found there
             "looked": wp.array(dtype=wp.int32),  # the cells that the traversal looks at
             "tested": wp.array(dtype=wp.int32),  # triangles in each of them
+            "hit_instance": wp.int32,  # the closest hit, -1 for none
+            "hit_face": wp.int32,
         },
     )
 
 
 @cache
 def trail_end_struct(real):
-    """Where a walk enters the grid and is to end, how many cells are written, and which looked at come next."""
-    return make_struct("TrailEnd", {"t_enter": real, "t": real, "count": wp.int32, "next": wp.int32, "last": wp.int32})
+    """Where a walk enters the grid and is to end, how many cells are written, which looked at come next, and more."""
+    numbers = ("count", "next", "last", "found")  # found: of those looked at, the one with the hit, or -1
+    return make_struct("TrailEnd", {"t_enter": real, "t": real, **dict.fromkeys(numbers, wp.int32)})
 
 
 @cache
@@ -411,11 +415,14 @@ def path_struct(look: Look):
     fields = {
         "o": vec3(look.spec.tier.wide),
         "d": vec3(look.spec.tier.wide),
-        "throughput": wp.vec3f,  # the share of the light along the ray that reaches the camera; 0 at its end
-        "bounce": wp.int32,
     }
+    if look.goes_on:
+        # The share of the light along the ray that reaches the camera, 0 at its end; and how often it has gone on.
+        fields |= {"throughput": wp.vec3f, "bounce": wp.int32}
     if look.has_chance:
         fields |= {"pixel": wp.int32, "sample": wp.int32}
+    if look.paths and look.shown_lamps:
+        fields["is_scattered"] = wp.bool  # at the last surface
     if look.glass:
         fields["medium"] = wp.vec3f  # the absorption of what the ray is in
     return make_struct("Path", fields)
@@ -431,14 +438,17 @@ def lit_struct(look: Look):
 
 
 @cache
-def film_struct(is_measured: bool):
-    """What pixels have received so far, from `first` on."""
-    fields = {"first": wp.int32, "total": wp.array(dtype=wp.vec3f)}  # sums over the samples of a pixel
+def film_struct(is_measured: bool, goes_on: bool):
+    """What pixels have received so far, from `first` on. Sums are in float64: samples may be a million."""
+    fields = {"first": wp.int32, "total": wp.array(dtype=wp.vec3d)}  # sums over the samples of a pixel
+    if goes_on:
+        fields["max_bounces"] = wp.int32  # surfaces at which a path may go on
     if is_measured:
         fields |= {
-            "spread": wp.array(dtype=wp.vec3f),  # sums of the squares of what samples are off their mean
+            "spread": wp.array(dtype=wp.vec3d),  # sums of the squares of what samples are off their mean
             "count": wp.array(dtype=wp.int32),
-            "noise": wp.float32,  # of a pixel that needs no more samples; negative: each takes all
+            "is_active": wp.array(dtype=wp.bool),  # whether a pixel needs more samples
+            "noise": wp.float64,  # of one that does not
         }
     else:
         fields["count"] = wp.int32  # samples of every pixel
@@ -454,12 +464,15 @@ def look_struct(look: Look):
         "material": wp.array(dtype=wp.int32),  # [instances]
         "diffuse": wp.array(dtype=wp.vec3f),  # [materials]
         "sky": wp.vec3f,  # at the horizon; a factor of a picture
-        "ambient": wp.vec3f,
     }
+    if look.ambient:
+        fields["ambient"] = wp.vec3f
     if look.mirrors:
         fields["mirror"] = wp.array(dtype=wp.vec3f)  # [materials]
     if look.emission:
         fields["emission"] = wp.array(dtype=wp.vec3f)  # [materials]
+    if look.shown_lamps:
+        fields["shines"] = wp.array(dtype=wp.bool)  # [materials]  whether others are lit by it
     if look.highlights:
         fields |= {
             "specular": wp.array(dtype=wp.vec3f),  # [materials]  times what makes a lobe of shininess reflect all

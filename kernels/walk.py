@@ -4,6 +4,7 @@ from functools import cache
 
 import warp as wp
 
+from .blocks import make_face_at
 from .box import enter_box
 from .faces import make_face_ray
 from .grid import make_walk
@@ -22,7 +23,7 @@ def make_walk_cells(spec: Spec):
     Scene, Trail, End = scene_struct(spec), trail_struct(), trail_end_struct(real)
     Grid, FaceRay = grid_struct(real), face_ray_struct(tier)
     enter, face_ray, start_walk = make_enter(spec), make_face_ray(tier), make_start_walk(real)
-    recorded_slot = make_recorded_slot(tier)
+    recorded_slot, face_at = make_recorded_slot(tier), make_face_at(real)
 
     @wp.func
     def visit(
@@ -33,11 +34,13 @@ def make_walk_cells(spec: Spec):
             trail.t_enter[end.count] = WIDE(ray.scale * (ray.start + wp.max(wide(t_in), wide(end.t_enter))))
             trail.t_exit[end.count] = WIDE(ray.scale * (ray.start + wp.max(wide(t_out), wide(end.t_enter))))
             trail.visited[end.count] = False
+            trail.found[end.count] = False
             trail.candidates[end.count] = 0
             for k in range(end.next, end.last):
                 if trail.looked[k] == cell:
                     trail.visited[end.count] = True
                     trail.candidates[end.count] = trail.tested[k]
+                    trail.found[end.count] = k == end.found
                     end.next = k + 1
         end.count += 1
         return end
@@ -69,11 +72,17 @@ def make_walk_cells(spec: Spec):
                 end.t_enter = larger(near, real(0.0))
                 if trail.cell.shape[0] > 0:
                     end.next = first_looked[i]
+                    end.found = -1
+                    corner = scene.mesh[shape.mesh].corner
                     looking = start_walk(grid, ray)
                     looking.looked = end.next
                     slot = int(0)
                     while slot >= 0:
                         slot = recorded_slot(looking, scene.mesh, shape.mesh, ray, end.t, trail.looked, trail.tested)
+                        # Where it is tested first: a search keeps it from there on.
+                        if end.found < 0 and slot >= 0 and i == trail.hit_instance:
+                            if face_at(corner, slot) == trail.hit_face:
+                                end.found = looking.looked - 1
                     end.last = looking.looked
                 end = walk(grid, trail, ray, real(0.0), end)
         count[i] = end.count - first[i]

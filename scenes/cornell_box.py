@@ -1,8 +1,8 @@
-"""The Cornell box: the room and blocks as measured at Cornell University, in millimetres, in direct light.
+"""The Cornell box: the room and blocks as measured at Cornell University, in millimetres, lit by a lamp.
 
 Goral, Torrance, Greenberg and Battaile, "Modeling the Interaction of Light between Diffuse Surfaces", SIGGRAPH 1984;
-the corners are those of graphics.cornell.edu/online/box. Nine points stand for the lamp; ambient light, and a weak lamp
-at the camera, for the light that walls send each other.
+the corners are those of graphics.cornell.edu/online/box. Ambient light, and a weak lamp at the camera, stand for
+the light that walls send each other; without them (fill=False) it is a scene for integrator="path".
 """
 
 import warprt as rt
@@ -13,9 +13,10 @@ SHORT = [(130, 65), (82, 225), (240, 272), (290, 114)], 165
 TALL = [(423, 247), (265, 296), (314, 456), (472, 406)], 330
 
 
-def scene() -> rt.Scene:
+def scene(fill: bool = True) -> rt.Scene:
     """A white room with a red wall and a green one, and two white blocks, one of them tall."""
-    lamp = [(x, 547.0, z) for x in (235, 278, 321) for z in (244, 279.5, 315)]
+    lamp = rt.RectangleLight((278, 548.4, 279.5), (130, 0, 0), (0, 0, 105), (46, 38, 27))
+    fills = [rt.AmbientLight((0.13, 0.12, 0.11)), rt.PointLight((278, 300, -780), (0.16, 0.15, 0.13))]
     return rt.Scene(
         objects=[
             quad([(552.8, 0, 0), (0, 0, 0), (0, 0, 559.2), (549.6, 0, 559.2)], WHITE),
@@ -23,21 +24,16 @@ def scene() -> rt.Scene:
             quad([(549.6, 0, 559.2), (0, 0, 559.2), (0, 548.8, 559.2), (556, 548.8, 559.2)], WHITE),
             quad([(0, 0, 559.2), (0, 0, 0), (0, 548.8, 0), (0, 548.8, 559.2)], GREEN),
             quad([(552.8, 0, 0), (549.6, 0, 559.2), (556, 548.8, 559.2), (556, 548.8, 0)], RED),
-            # The lamp: so white that ambient light makes it shine.
-            quad([(343, 548.5, 227), (343, 548.5, 332), (213, 548.5, 332), (213, 548.5, 227)], (9, 8, 6)),
+            lamp.panel(),
             block(*SHORT),
             block(*TALL),
         ],
-        lights=[
-            rt.AmbientLight((0.13, 0.12, 0.11)),
-            rt.PointLight((278, 300, -780), (0.16, 0.15, 0.13)),
-            *(rt.PointLight(point, (12500, 10400, 7600), falloff=True) for point in lamp),
-        ],
+        lights=[lamp, *(fills if fill else [])],
         camera=rt.Camera(position=(278, 273, -800), target=(278, 273, 0), fov_deg=39.3),
     )
 
 
-def quad(corners: list, color: tuple) -> rt.Instance:
+def quad(corners: list, color) -> rt.Instance:
     """Two triangles of one colour."""
     return rt.Instance(rt.Mesh(corners, [(0, 1, 2), (0, 2, 3)]), material=rt.Material(color))
 

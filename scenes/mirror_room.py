@@ -7,13 +7,10 @@ import warprt as rt
 
 def scene() -> rt.Scene:
     """Boxes are walls, mirrors, frames and a table; a mirror ball, an ellipsoid and a tilted cube stand on it."""
+    lamp = rt.RectangleLight((0.0, 2.93, 0.2), (0.9, 0, 0), (0, 0, 2.2), (10.5, 9.2, 7.2))
     return rt.Scene(
-        objects=[*room(), *mirrors(), *table(), *things()],
-        lights=[
-            rt.AmbientLight((0.16, 0.16, 0.18)),
-            rt.PointLight((0.0, 2.75, 0.6), (0.62, 0.56, 0.46)),
-            rt.PointLight((-1.2, 2.3, 2.4), (0.22, 0.25, 0.32)),
-        ],
+        objects=[*room(), *mirrors(), *table(), *things(), lamp.panel()],
+        lights=[rt.AmbientLight((0.36, 0.35, 0.36)), lamp],
         camera=rt.Camera(position=(0.9, 1.75, 2.9), target=(-0.45, 1.05, -1.2), fov_deg=58),
         background=(0.02, 0.02, 0.03),
     )

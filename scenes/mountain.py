@@ -1,8 +1,8 @@
 """SPD "mountain" (Haines 1987): a fractal mountain, and four spheres before it.
 
 E. Haines, "A Proposal for Standard Graphics Environments", IEEE Computer Graphics and Applications, November 1987,
-after Fournier, Fussell and Carpenter (1982): size 6 has 8,192 triangles. The spheres, a pyramid of glass there, are
-mirrors here, and the lake is ours.
+after Fournier, Fussell and Carpenter (1982): size 6 has 8,192 triangles. The spheres are a pyramid of glass, as
+there; the lake is ours.
 """
 
 import numpy as np
@@ -13,14 +13,14 @@ import warprt as rt
 def scene(size: int = 8, seed: int = 11) -> rt.Scene:
     """2 * 4^size triangles over the square |x|, |z| <= 1, coloured by height and slope."""
     balls = [(-0.17, 0.78), (0.17, 0.78), (0.0, 1.07)]
-    silver = rt.Material((0.02, 0.02, 0.03), mirror=(0.86, 0.88, 0.90))
+    glass = rt.Material(0, glass=(0.96, 0.98, 1.0), ior=1.5)
     pyramid = np.array([*((x + 0.50, 0.138, z + 0.35) for x, z in balls), (0.50, 0.414, 1.225)])
     places = np.tile(np.eye(4), (4, 1, 1))
     places[:, :3, 3] = pyramid
     return rt.Scene(
         objects=[
             rt.Instance(mountain(size, seed), material=rt.Material(1.0)),
-            rt.Instances(rt.Sphere(radius=0.168), places, silver),
+            rt.Instances(rt.Sphere(radius=0.168), places, glass),
             rt.Instance(rt.Plane((0, -0.03, 0)), material=rt.Material((0.02, 0.05, 0.08), mirror=(0.50, 0.56, 0.62))),
         ],
         lights=[rt.AmbientLight((0.24, 0.27, 0.34)), rt.DirectionalLight((0.9, -0.62, -0.35), (1.15, 1.02, 0.84))],

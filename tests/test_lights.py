@@ -123,6 +123,15 @@ def test_rectangle_light_does_not_depend_on_tiles_or_threads(device):
     np.testing.assert_array_equal(one["color"], tiled["color"])
 
 
+@pytest.mark.parametrize("size, center", [(1.0, 0.0), (1e-170, 1.0), (1e150, 0.0), (1.0, 1e17)])
+def test_panel_lies_behind_its_lamp(size, center):
+    lamp = rt.RectangleLight((center, center, center), (size, 0, 0), (0, 0, size))
+    vertices = lamp.panel().shape.vertices
+    assert np.isfinite(vertices).all()
+    # edge_u x edge_v points down.
+    assert (vertices[:, 1] > center).all()
+
+
 def test_rectangle_is_left_out_of_files_with_a_warning(tmp_path):
     scene = rt.Scene(
         [rt.Sphere()], [rt.RectangleLight((0, 4, 0), (2, 0, 0), (0, 0, 2)), rt.PointLight((0, 1, 0), 1, True)]

@@ -80,6 +80,7 @@ def test_highlights_stay_in_the_shadow_and_before_the_surface(device):
 def test_materials_keep_their_looks_in_gltf(tmp_path):
     materials = [
         rt.Material(0.5, emission=(4, 2, 1)),
+        rt.Material(0, emission=(4, 2, 1), shines=False),
         rt.Material(0.5, specular=0.25, shininess=7),
         rt.Material(0.5, specular=0.25, shininess=8),
         rt.Material(0.5),
@@ -96,6 +97,7 @@ def test_materials_keep_their_looks_in_gltf(tmp_path):
         ({"emission": (1, -1, 1)}, r"Material emission must not be negative; got \[1.0, -1.0, 1.0\]"),
         ({"specular": float("nan")}, "Material specular must be finite"),
         ({"shininess": 0}, "Material shininess must be greater than 0, up to 1e6; got 0"),
+        ({"shines": 1}, "Material shines must be True or False; got 1"),
         ({"shininess": float("inf")}, "Material shininess must be finite"),
     ],
 )

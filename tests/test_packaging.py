@@ -26,12 +26,13 @@ def wheel(tmp_path_factory):
 
 
 def test_wheel_holds_the_packages_and_nothing_else(wheel):
-    inside = {"warprt": "warprt", **{f"warprt/{name}": name for name in ("kernels", "scenes", "benchmarks")}}
+    inside = {"warprt": "warprt", "warprt/viewer": "warprt/viewer"}
+    inside |= {f"warprt/{name}": name for name in ("kernels", "scenes", "benchmarks")}
     expected = {
         f"{package}/{path.name}"
         for package, folder in inside.items()
         for path in (ROOT / folder).iterdir()
-        if path.suffix in (".py", ".cfg", ".lark", ".typed")
+        if path.suffix in (".py", ".cfg", ".lark", ".typed", ".html", ".css", ".js")
     }
     with zipfile.ZipFile(wheel) as archive:
         names = {name for name in archive.namelist() if ".dist-info/" not in name}

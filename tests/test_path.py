@@ -49,18 +49,20 @@ def test_white_things_in_a_white_world_cannot_be_seen(kind, device):
     tracer = rt.Tracer(scene, device=device)
     camera = rt.Camera((0, 2, 12), (0, 0, 0), fov_deg=30)
     image = tracer.render(camera, (48, 16), 64, 1000, ("color", "instance_id"), integrator="path")
-    # Never more than there is, but for colours that a path makes up for by chance; where a smooth mesh bends away from
-    # its faces, less.
+    # Never more than there is, but for colours that a path makes up for by chance.
     if kind in ("lambert", "mirror", "glass"):
         assert image["color"].max() <= 1 + 1e-5
-    is_smooth = image["instance_id"] == len(SHAPES) - 1
-    assert is_smooth.sum() >= 20
-    np.testing.assert_allclose(image["color"][~is_smooth].mean(), 1, atol=0.005)
-    assert image["color"][is_smooth].mean() > 0.9
+    for shape in range(len(SHAPES)):
+        is_seen = image["instance_id"] == shape
+        assert is_seen.sum() >= 8
+        np.testing.assert_allclose(
+            image["color"][is_seen].mean(), 1, atol=0.005 if kind in ("lambert", "mirror") else 0.02
+        )
+    np.testing.assert_allclose(image["color"].mean(), 1, atol=0.005)
 
 
 @pytest.mark.parametrize("albedo", [0.2, 0.8])
-@pytest.mark.parametrize("room", ["sphere", "box", "mesh"])
+@pytest.mark.parametrize("room", ["sphere", "mesh"])
 def test_closed_room_is_as_bright_as_the_geometric_series_says(albedo, room, accuracy, device):
     glowing = rt.Material(albedo, emission=(0.5, 1, 2))
     scene = rt.Scene([rt.Instance(SHAPES[room], material=glowing)])
@@ -72,9 +74,9 @@ def test_closed_room_is_as_bright_as_the_geometric_series_says(albedo, room, acc
         np.testing.assert_allclose(color, series * np.array([0.5, 1, 2]), rtol=1e-5)
 
 
-def test_closed_room_with_a_mirror_in_its_paint(accuracy, device):
+def test_closed_room_with_a_mirror_in_its_paint(device):
     paint = rt.Material(0.4, mirror=0.4, emission=1)
-    color = all_round(rt.Scene([rt.Instance(rt.Sphere(), material=paint)]), accuracy, device)
+    color = all_round(rt.Scene([rt.Instance(rt.Sphere(), material=paint)]), "robust", device)
     np.testing.assert_allclose(color, 1 / (1 - 0.8), rtol=0.01)
 
 
@@ -88,13 +90,13 @@ def test_two_planes_light_each_other(upper, lower, device):
     np.testing.assert_allclose(color, lower / (1 - lower * np.array(upper)) * np.ones(3), rtol=0.02)
 
 
-def test_glowing_polygon_lights_as_lambert_says(accuracy, device):
+def test_glowing_polygon_lights_as_lambert_says(device):
     corners = np.array([(-1, 2, -0.5), (0.5, 2, -1), (1, 2, 1), (-0.5, 2, 1.5)])
     polygon = rt.Instance(rt.Mesh(corners, [(0, 1, 2), (0, 2, 3)]), material=rt.Material(0, emission=(1, 2, 4)))
     scene = rt.Scene([polygon, rt.Instance(rt.Plane(), material=rt.Material(0.6))])
     camera = rt.Camera((0, 0.1, 0), (0, 0, 0), (0, 0, 1), fov_deg=1e-4)
     expected = 0.6 * polygon_light(corners, np.array([0, 1, 0])) * np.array([1, 2, 4])
-    color = seen(scene, accuracy, device, camera, samples=16384)
+    color = seen(scene, device=device, camera=camera, samples=16384)
     np.testing.assert_allclose(color, expected, rtol=0.02)
 
 
@@ -123,6 +125,28 @@ def test_rectangle_lights_as_lambert_says(device):
     np.testing.assert_allclose(seen(scene, device=device, camera=camera, samples=4096), expected, rtol=2e-3)
 
 
+def test_panel_shows_a_lamp_and_lights_nothing(device):
+    lamp = rt.RectangleLight((0, 3, 0), (1, 0, 0), (0, 0, 2), (2, 3, 4))
+    floor, mirror = rt.Plane(), rt.Instance(rt.Plane((0, 0, -5), (0, 0, 1)), material=rt.Material(0, mirror=0.5))
+    with_panel, without = (rt.Scene([floor, mirror, *panels], [lamp]) for panels in ([lamp.panel()], []))
+    below = rt.Camera((0, 0.5, 0), (0, 0, 0), (0, 0, 1), fov_deg=1e-4)
+    lit = [seen(scene, device=device, camera=below, samples=64) for scene in (with_panel, without)]
+    # What the panel hides of the floor is all that it changes.
+    np.testing.assert_allclose(*lit, rtol=0.02)
+    up = rt.Camera((0, 1, 0), (0.1, 3, 0.1), (0, 0, 1))
+    for integrator in ("whitted", "path"):
+        color = seen(with_panel, device=device, camera=up, integrator=integrator)
+        np.testing.assert_allclose(color, (2, 3, 4), rtol=1e-6)
+
+
+def test_glowing_face_that_does_not_shine_is_seen_in_mirrors_alone(device):
+    glow = rt.Instance(rt.Plane((0, 4, 0)), material=rt.Material(0, emission=(1, 2, 3), shines=False))
+    for paint, expected in ((rt.Material(0, mirror=0.5), (0.5, 1, 1.5)), (rt.Material(0.9), (0, 0, 0))):
+        scene = rt.Scene([glow, rt.Instance(rt.Plane(), material=paint)])
+        camera = rt.Camera((0, 1, 0), (0.3, 0, 0.2), fov_deg=1e-4)
+        np.testing.assert_allclose(seen(scene, device=device, camera=camera, samples=16), expected, rtol=1e-6)
+
+
 def test_lamp_lights_round_a_corner(device):
     # Half the sky of the floor's point is a white wall that a lamp behind a screen lights.
     sun = rt.DirectionalLight((-1, 0, 0), 1)
@@ -133,6 +157,13 @@ def test_lamp_lights_round_a_corner(device):
     color = seen(scene, device=device, camera=camera, samples=4096, max_bounces=1)
     np.testing.assert_allclose(color, 0.5 * 0.5, rtol=0.02)
     assert seen(scene, device=device, camera=camera, max_bounces=0).max() == 0
+
+
+def test_surfaces_that_give_more_than_they_get_are_named(device):
+    scene = rt.Scene([rt.Instance(rt.Sphere(), material=rt.Material(0.7, mirror=(0, 0.4, 0)))])
+    with pytest.raises(ValueError, match=r"must not exceed 1 together; got \[0.7, 1.1, 0.7\] of Material\(diffuse"):
+        seen(scene, device=device)
+    assert seen(scene, device=device, integrator="whitted").max() == 0
 
 
 def test_ambient_light_is_left_out(device):

@@ -6,7 +6,7 @@ import pytest
 from test_cli import CFG, run
 
 import warprt as rt
-from warprt import rendering
+from warprt import film
 from warprt.digest import digest
 from warprt.turntable import turned
 
@@ -18,7 +18,7 @@ def folder(tmp_path, monkeypatch):
     """A scene, rendered three rows at a time."""
     (tmp_path / "ball.cfg").write_text(CFG)
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(rendering, "TILE_RAYS", 3 * 16 * 4)
+    monkeypatch.setattr(film, "TILE_RAYS", 3 * 16 * 4)
     return tmp_path
 
 
@@ -59,16 +59,18 @@ def test_interrupted_render_goes_on_to_the_same_bits(folder, monkeypatch, capfd)
     assert "cut.unfinished.npz" not in names(folder)
 
 
-def test_interrupted_adaptive_render_of_paths_goes_on_to_the_same_bits(folder, monkeypatch):
+def test_interrupted_adaptive_render_of_paths_goes_on_to_the_same_bits(folder, monkeypatch, capfd):
     outputs = ("color", "variance", "samples")
     options = ("render", "ball.cfg", *SIZE, "--outputs", ",".join(outputs), "--samples", "40", "--noise", "0.05")
     options += ("--integrator", "path")
     assert run(*options, "-o", "whole.png") == 0
+    said = capfd.readouterr().out
     interrupt_after(monkeypatch, 2)
     assert run(*options, "-o", "cut.png") == 130
     assert run(*options, "-o", "cut.png", "--resume") == 0
     with np.load("cut.npz") as cut, np.load("whole.npz") as whole:
         assert len(np.unique(whole["samples"])) > 1
+        assert f"{whole['samples'].sum():,} camera rays" in said
         for name in outputs:
             np.testing.assert_array_equal(cut[name], whole[name])
 
@@ -116,6 +118,16 @@ def test_changed_scene_is_not_continued_but_begun_anew(folder, monkeypatch, capf
 
 def test_broken_file_is_named(folder, capfd):
     (folder / "ball.unfinished.npz").write_bytes(b"PK no")
+    assert run("render", "ball.cfg", *SIZE, "--resume") == 2
+    assert "ball.unfinished.npz cannot be read" in capfd.readouterr().err
+
+
+def test_file_that_lacks_an_array_is_named(folder, monkeypatch, capfd):
+    interrupt_after(monkeypatch, 2)
+    assert run("render", "ball.cfg", *SIZE) == 130
+    with np.load("ball.unfinished.npz") as data:
+        kept = {name: data[name] for name in data if name != "array_color"}
+    np.savez("ball.unfinished.npz", **kept)
     assert run("render", "ball.cfg", *SIZE, "--resume") == 2
     assert "ball.unfinished.npz cannot be read" in capfd.readouterr().err
 

@@ -100,11 +100,12 @@ def test_files_without_a_word_for_it_are_warned_about(picture, tmp_path):
 @pytest.mark.parametrize(
     "make, words",
     [
-        (lambda: rt.ImageSky(np.zeros((2, 2))), "Texture pixels"),
+        (lambda: rt.ImageSky(np.zeros((2, 2))), "ImageSky picture: Texture pixels"),
         (lambda: rt.ImageSky("none.png"), "no file none.png"),
         (lambda: rt.ImageSky(np.zeros((2, 4, 3)), rotation_deg=np.inf), "ImageSky rotation_deg must be finite"),
         (lambda: rt.ImageSky(np.zeros((2, 4, 3)), scale=-1), "ImageSky scale must not be negative"),
         (lambda: rt.Scene(background=np.zeros((2, 4, 3))), "Scene background"),
+        (lambda: rt.Scene(background=1e39), "Scene background must fit into float32"),
     ],
 )
 def test_bad_sky_is_named(make, words):

@@ -1,6 +1,8 @@
 """A scene pays only for what it contains: the generated code is read."""
 
 import re
+import subprocess
+import sys
 import warnings
 from dataclasses import fields, replace
 from pathlib import Path
@@ -10,6 +12,7 @@ import warp as wp
 
 import warprt as rt
 from warprt.kernels.cast import make_cast, make_cast_packets, make_occluded, make_occluded_packets, make_spawn
+from warprt.kernels.film import make_settle
 from warprt.kernels.pixels import make_albedo, make_effort
 from warprt.kernels.render import make_render
 from warprt.kernels.spec import Look, Projection, ShapeKind, Spec, Tier
@@ -59,6 +62,7 @@ def test_points_and_normals_leave_no_code_behind_unless_asked_for(tmp_path):
 
 
 FEATURES = {
+    "ambient": ("ambient",),
     "point_lights": ("point_position",),
     "directional_lights": ("sun_direction",),
     "mirrors": ("mirror",),
@@ -71,6 +75,7 @@ FEATURES = {
     "spot_lights": ("spot_cone", "spot_share"),
     "glass": ("through_glass", "absorption", "transmitted"),
     "emission": ("emission",),
+    "shown_lamps": ("shines",),
     "highlights": ("highlight", "to_eye", "shininess"),
     "smooth_normals": ("shading_normal", "interpolated"),
 }
@@ -88,6 +93,9 @@ def test_absent_features_of_shading_leave_no_code_behind(feature, tmp_path):
             assert (word in text) == (name == feature)
     for word in ("texel", "bilinear"):
         assert (word in text) == (feature in ("textures", "image_sky"))
+    for word in ("max_bounces", "throughput"):
+        assert (word in text) == (feature in ("mirrors", "glass", "paths"))
+    assert ("bounce" in text) == (feature in ("mirrors", "glass", "paths", "rectangle_lights"))
     assert ("attributes" in text) == (feature in OF_MESHES)
     assert ("chance" in text) == (feature in ("glass", "rectangle_lights", "paths"))
     # Only kernels that measure have these.
@@ -104,6 +112,30 @@ def test_absent_projections_leave_no_code_behind(projection, tmp_path):
         assert (f"ray_{other.value}" in text) == (other == projection)
     is_plane = projection in (Projection.PINHOLE, Projection.ORTHOGRAPHIC)
     assert ("wp::sin(" in text) == ("forward" in text and not is_plane) == (not is_plane)
+
+
+PLAIN_HASH = """
+import sys
+for name in sys.argv[1:]:
+    __import__(name)
+from warprt.kernels.cast import make_cast
+from warprt.kernels.render import make_render
+from warprt.kernels.spec import Look, ShapeKind, Spec, Tier
+spec = Spec(Tier.ROBUST, frozenset([ShapeKind.SPHERE]))
+kernels = make_render(Look(spec, point_lights=True)), make_cast(spec, True)
+print(*(kernel.module.get_module_identifier(1) for kernel in kernels))
+"""
+
+
+def test_source_is_the_same_whatever_else_is_imported():
+    optional = ["matplotlib.pyplot", "trimesh", "warprt.trimesh", "warprt.benchmarks.command", "warprt.walk_plot"]
+    said = [
+        subprocess.run([sys.executable, "-c", PLAIN_HASH, *names], capture_output=True, text=True, check=True).stdout
+        for names in ([], optional)
+    ]
+    # Other lines are Warp's own, of where it is.
+    hashes = [[line for line in text.splitlines() if line.startswith("wp_")] for text in said]
+    assert hashes[0] == hashes[1] and len(hashes[0]) == 1
 
 
 def test_equal_specs_share_a_kernel():
@@ -130,6 +162,7 @@ KERNELS = {
     "paths": lambda: make_render(
         Look(Spec(Tier.ROBUST, frozenset([ShapeKind.SPHERE])), mirrors=True, glass=True, paths=True), is_measured=True
     ),
+    "settle": lambda: make_settle(True),
     "albedo": lambda: make_albedo(Look(ALL, **EVERYTHING)),
     "effort": lambda: make_effort(replace(ALL, shapes=frozenset([ShapeKind.MESH, ShapeKind.BOX]))),
     "packets": lambda: make_cast_packets(MESHES),

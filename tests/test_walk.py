@@ -16,7 +16,12 @@ def test_cells_of_a_straight_ray_are_a_row(accuracy, device):
     np.testing.assert_allclose(walk.t_enter, [2, 4, 6, 8], atol=1e-4)
     np.testing.assert_allclose(walk.t_exit, [4, 6, 8, 10], atol=1e-4)
     assert walk.visited.all()
+    assert not walk.found.any()  # the ray passes beside both
     assert len(walk) == 4
+    walk = rt.Tracer(rt.Scene([rt.Mesh(vertices, [(3, 4, 5)], grid=(1, 4, 4))]), accuracy, device).walk(
+        (-2, 3, 3), (1, 0, 0)
+    )
+    np.testing.assert_array_equal(walk.found, [True])
 
 
 def test_cells_are_connected_and_hold_the_ray(accuracy, device, rng):
@@ -51,7 +56,45 @@ def test_cells_are_connected_and_hold_the_ray(accuracy, device, rng):
             assert walk.t_enter.max() <= hit.t * (1 + 1e-6)
             last = np.flatnonzero(walk.instance_id == hit.instance_id)[-1]
             assert walk.candidates[last] > 0
+            found = np.flatnonzero(walk.found)
+            assert len(found) == 1
+            assert walk.instance_id[found] == hit.instance_id
+            assert walk.visited[found]
+            assert walk.candidates[found] > 0
+        else:
+            assert not walk.found.any()
     assert seen > 100
+
+
+def test_a_large_triangle_is_found_before_the_cell_that_holds_the_point(accuracy, device):
+    # It lies across the ray's first cells, though the ray only meets it in the last: every cell up to there lists it.
+    vertices = [(0, 1, 0), (8, 7, 0), (0, 1, 8), (0, 0, 0), (8, 8, 8)]
+    mesh = rt.Mesh(vertices, [(0, 1, 2), (3, 4, 3)], grid=(4, 1, 1))
+    walk = rt.Tracer(rt.Scene([mesh]), accuracy, device).walk((-2, 6, 0.5), (1, 0, 0))
+    assert len(walk) == 4
+    found = int(np.flatnonzero(walk.found)[0])
+    first_tested = int(np.flatnonzero(walk.candidates > 0)[0])
+    assert found == first_tested
+
+
+def test_a_hit_is_found_at_or_before_the_cell_that_holds_it(accuracy, device, rng):
+    vertices, faces = soup(rng, 200, 0.3)
+    m = np.tile(np.eye(4), (2, 1, 1))
+    m[1, :3, 3] = 0.5
+    tracer = rt.Tracer(rt.Scene([rt.Instances(rt.Mesh(vertices, faces, grid=(5, 5, 5)), m)]), accuracy, device)
+    hits = 0
+    for _ in range(40):
+        o = rng.uniform(-5, 5, 3)
+        d = rng.uniform(-1, 1, 3) - o
+        hit, walk = tracer.cast(o, d), tracer.walk(o, d)
+        assert walk.found.sum() == int(hit.hit)
+        if hit.hit:
+            hits += 1
+            assert walk.instance_id[walk.found] == hit.instance_id
+            assert walk.visited[walk.found]
+            assert walk.candidates[walk.found] > 0
+            assert walk.t_enter[walk.found] <= hit.t * (1 + 1e-6)
+    assert hits > 5
 
 
 def test_ray_from_afar_that_hits_has_cells(accuracy, device, rng):

@@ -46,4 +46,5 @@ from .tracer import Tracer as Tracer
 from .transform import Transform as Transform
 from .tune import Tuning as Tuning
 from .tune import tune as tune
+from .viewer import view as view
 from .walk import CellWalk as CellWalk

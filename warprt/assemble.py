@@ -120,10 +120,12 @@ def assemble_look(scene: Scene, spec: Spec, device: wp.Device) -> tuple[Look, ob
     spots = [light for light in scene.lights if isinstance(light, SpotLight)]
     rectangles = [light for light in scene.lights if isinstance(light, RectangleLight)]
     suns = [light for light in scene.lights if isinstance(light, DirectionalLight)]
+    ambients = [light for light in scene.lights if isinstance(light, AmbientLight)]
     sky = scene.background
     meshes = [shape for shape in _distinct([item.shape for item in scene.objects]) if isinstance(shape, Mesh)]
     look = Look(
         spec,
+        ambient=bool(ambients),
         point_lights=bool(points),
         directional_lights=bool(suns),
         mirrors=any(max(material.mirror) > 0 for material in materials),
@@ -133,6 +135,7 @@ def assemble_look(scene: Scene, spec: Spec, device: wp.Device) -> tuple[Look, ob
         vertex_colors=any(mesh.colors is not None for mesh in meshes),
         smooth_normals=any(mesh.normals is not None for mesh in meshes),
         emission=any(max(material.emission) > 0 for material in materials),
+        shown_lamps=any(max(material.emission) > 0 and not material.shines for material in materials),
         highlights=any(max(material.specular) > 0 for material in materials)
         and bool(points or spots or rectangles or suns),
         spot_lights=bool(spots),
@@ -146,13 +149,14 @@ def assemble_look(scene: Scene, spec: Spec, device: wp.Device) -> tuple[Look, ob
     struct = look_struct(look)()
     struct.material = array(index, wp.int32)
     struct.diffuse = array([material.diffuse for material in materials], wp.vec3f)
-    struct.ambient = np.sum(
-        [light.color for light in scene.lights if isinstance(light, AmbientLight)] or [[0.0] * 3], 0
-    )
+    if look.ambient:
+        struct.ambient = np.sum([light.color for light in ambients], 0)
     if look.mirrors:
         struct.mirror = array([material.mirror for material in materials], wp.vec3f)
     if look.emission:
         struct.emission = array([material.emission for material in materials], wp.vec3f)
+    if look.shown_lamps:
+        struct.shines = array([material.shines for material in materials], wp.bool)
     if look.highlights:
         specular = [material.lobe_factor * np.array(material.specular) for material in materials]
         struct.specular = array(specular, wp.vec3f)
@@ -190,6 +194,17 @@ def assemble_look(scene: Scene, spec: Spec, device: wp.Device) -> tuple[Look, ob
     if look.has_texels:
         _fill_pictures(struct, look, materials, sky, device)
     return look, struct
+
+
+def require_no_gain(scene: Scene) -> None:
+    """Raises ValueError for a material that gives off more light than it gets, which paths would add up without end."""
+    for material in _material_table(scene)[1]:
+        shares = np.sum([material.diffuse, material.mirror, material.glass], axis=0)
+        if shares.max() > 1 + 1e-6:
+            raise ValueError(
+                'with integrator="path", diffuse, mirror and glass of a Material must not exceed 1 together; got '
+                f"{shares.tolist()} of {material}"
+            )
 
 
 def _fill_pictures(struct, look: Look, materials: list[Material], sky, device: wp.Device) -> None:

@@ -10,7 +10,7 @@ from warprt.kernels.spec import Projection
 
 from . import checks
 from .typing import ArrayLike
-from .view import FRAMING_VIEW, View, box_in_frame, filled_struct, pixel_centers
+from .views import FRAMING_VIEW, View, box_in_frame, filled_struct, pixel_centers
 
 
 class Pinhole:

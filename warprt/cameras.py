@@ -12,7 +12,7 @@ from . import checks
 from .camera import Camera
 from .matrix_camera import MatrixCamera
 from .typing import ArrayLike
-from .view import FRAMING_VIEW, View, box_in_frame, filled_struct, pixel_centers
+from .views import FRAMING_VIEW, View, box_in_frame, filled_struct, pixel_centers
 
 
 @dataclass(frozen=True, eq=False)

@@ -205,6 +205,8 @@ class _Reader:
         values: dict[str, Any] = {}
         for statement in block.statements:
             with _placed(self.path, statement):
+                if statement.key == "folder":
+                    raise ValueError(f"{block.kind} has no 'folder'")
                 if statement.key in values:
                     raise ValueError(f"{statement.key} is given twice")
                 values[statement.key] = statement.value
@@ -289,9 +291,10 @@ def _material(
     glass=(0.0, 0.0, 0.0),
     ior=1.5,
     absorption=(0.0, 0.0, 0.0),
+    shines=True,
 ):
     picture = None if texture is None else Texture.from_file(folder / _text(texture, "texture"))
-    return Material(diffuse, mirror, picture, emission, specular, shininess, glass, ior, absorption)
+    return Material(diffuse, mirror, picture, emission, specular, shininess, glass, ior, absorption, shines)
 
 
 def _sphere(center=(0.0, 0.0, 0.0), radius=1.0):
@@ -401,6 +404,10 @@ def _ambient_light(color):
 
 
 def _background(folder, color=None, horizon=None, zenith=None, picture=None, rotation=0.0, scale=1.0):
+    if [color is None, horizon is None and zenith is None, picture is None].count(False) > 1:
+        raise ValueError("background takes one of color, horizon and zenith, or picture")
+    if picture is None and (rotation, scale) != (0.0, 1.0):
+        raise ValueError("background has rotation and scale for a picture only")
     if color is not None:
         return color
     if picture is not None:

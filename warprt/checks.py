@@ -55,6 +55,8 @@ def color(value: ArrayLike, name: str) -> tuple[float, float, float]:
     array = finite_array(array, (3,), name)
     if (array < 0).any():
         raise ValueError(f"{name} must not be negative; got {array.tolist()}")
+    if (array > np.finfo(np.float32).max).any():
+        raise ValueError(f"{name} must fit into float32; got {array.tolist()}")
     red, green, blue = array.tolist()
     return red, green, blue
 

@@ -1,4 +1,4 @@
-"""The command line: render, tradeoff, audit, bench, info."""
+"""The command line: render, view, tradeoff, audit, bench, info."""
 
 import argparse
 import ast
@@ -38,7 +38,7 @@ def main(arguments: list[str] | None = None) -> int:
         print(f"warprt: {error}", file=sys.stderr)
         return 2
     except KeyboardInterrupt as stop:
-        print(f"warprt: {stop or 'interrupted'}", file=sys.stderr)
+        print(f"warprt: {str(stop) or 'interrupted'}", file=sys.stderr)
         return 130
     return 0
 
@@ -78,8 +78,35 @@ def _parser() -> _Parser:
     render.add_argument("--resume", action="store_true", help="go on with what was interrupted")
     render.add_argument("--no-clobber", action="store_true", help="refuse to replace a file")
     render.set_defaults(run=_render)
-    bench = commands.add_parser("bench", help="measure against wp.Mesh and Embree")
-    topics = ["rates", "resolution", "scaling", "instances", "specialisation", "leaks", "all-hits", "workers"]
+    view = commands.add_parser("view", help="look at a scene in a web page, and at the cells that rays visit")
+    view.add_argument("scene", metavar="SCENE", help="a file or a ready scene")
+    view.add_argument(
+        "--option", action="append", default=[], type=_option, metavar="NAME=VALUE", help="for scene() of a Python file"
+    )
+    view.add_argument("--size", type=_size, default=(640, 480), metavar="WxH", help="of the result; default 640x480")
+    view.add_argument("--samples", type=int, default=16, metavar="N", help="rays per pixel at rest; default 16")
+    view.add_argument("--max-bounces", type=int, default=8, metavar="N", help="mirror reflections; default 8")
+    view.add_argument("--accuracy", default="robust", metavar="T", help=f"{' or '.join(TIERS)}; default robust")
+    view.add_argument("--device", metavar="D", help="cpu, cuda:0, ...; default: the GPU if there is one")
+    view.add_argument(
+        "--host", default="127.0.0.1", metavar="A", help="address to listen on; default: this machine only"
+    )
+    view.add_argument("--port", type=int, default=8080, metavar="N", help="or the next one that is free; default 8080")
+    view.add_argument("--no-browser", action="store_true", help="do not open the page, only say where it is")
+    view.set_defaults(run=_view)
+    bench = commands.add_parser("bench", help="measure against wp.Mesh, Embree and Mitsuba")
+    topics = [
+        "rates",
+        "resolution",
+        "scaling",
+        "instances",
+        "specialisation",
+        "leaks",
+        "all-hits",
+        "mitsuba",
+        "paths",
+        "workers",
+    ]
     bench.add_argument("topic", nargs="?", default="rates", choices=topics)
     bench.add_argument("--quick", action="store_true", help="fewer and smaller meshes: under a minute")
     bench.add_argument(
@@ -161,6 +188,12 @@ def _announce_compile() -> None:
 
 def _render(options: argparse.Namespace) -> None:
     from .rendering import run
+
+    run(options)
+
+
+def _view(options: argparse.Namespace) -> None:
+    from .viewer.command import run
 
     run(options)
 

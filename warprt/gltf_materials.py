@@ -138,7 +138,12 @@ def _own_material(own: Record, texture: Texture | None) -> Material:
     """A material of which a file of ours says everything; an older one, less."""
     values = {"texture": texture}
     for field in fields(Material):
-        if field.name in own:
-            is_number = isinstance(field.default, float)
-            values[field.name] = own.number(field.name) if is_number else own.numbers(field.name, 3)
+        if field.name not in own:
+            continue
+        if isinstance(field.default, bool):
+            values[field.name] = own.boolean(field.name, field.default)
+        elif isinstance(field.default, float):
+            values[field.name] = own.number(field.name)
+        else:
+            values[field.name] = own.numbers(field.name, 3)
     return Material(**values)

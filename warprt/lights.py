@@ -1,12 +1,18 @@
 """Where light comes from."""
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from . import checks
+from .materials import Material
+from .mesh import Mesh
 from .sky import GradientSky
 from .typing import ArrayLike
+
+if TYPE_CHECKING:
+    from .scene import Instance
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,7 +86,8 @@ class RectangleLight:
     """Light from a rectangle or parallelogram, evenly to the side of edge_u x edge_v, with soft shadows.
 
     Each sample of a pixel sees light from one point of it, so noise falls with `samples`. Rays do not see the light
-    itself. Raises ValueError for numbers that are not finite, parallel edges, and a negative or non-finite colour.
+    itself, but its `panel()`. Raises ValueError for numbers that are not finite, parallel edges, and a negative or
+    non-finite colour.
     """
 
     center: ArrayLike
@@ -93,11 +100,26 @@ class RectangleLight:
     def __post_init__(self):
         for name in ("center", "edge_u", "edge_v"):
             object.__setattr__(self, name, checks.vector(getattr(self, name), f"RectangleLight {name}"))
-        if not np.cross(self.edge_u, self.edge_v).any():
+        sizes = [np.abs(edge).max() or 1.0 for edge in (self.edge_u, self.edge_v)]
+        if not np.cross(self.edge_u / sizes[0], self.edge_v / sizes[1]).any():
             raise ValueError(
                 f"RectangleLight edges must not be parallel; got {self.edge_u.tolist()} and {self.edge_v.tolist()}"
             )
         object.__setattr__(self, "color", checks.color(self.color, "RectangleLight color"))
+
+    def panel(self) -> "Instance":
+        """What is seen of the lamp, for the objects of a scene: black, and as bright as the light on both sides.
+
+        It lies behind the light, by about a thousandth of the shorter edge, and lights nothing itself.
+        """
+        from .scene import Instance  # which knows lights
+
+        sizes = [np.abs(edge).max() for edge in (self.edge_u, self.edge_v)]
+        across = checks.direction(np.cross(self.edge_u / sizes[0], self.edge_v / sizes[1]), "RectangleLight edges")
+        gap = max(1e-3 * min(sizes), 4 * np.spacing(np.abs(self.center).max()))
+        middle = self.center - gap * across
+        corners = [middle + (i * self.edge_u + j * self.edge_v) / 2 for i, j in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
+        return Instance(Mesh(corners, [(0, 1, 2), (0, 2, 3)]), None, Material(0, emission=self.color, shines=False))
 
 
 @dataclass(frozen=True, eq=False)

@@ -23,7 +23,10 @@ class Material:
     texture: Texture | None = None
     """Multiplies both, point by point. The shape must be a mesh with uvs."""
     emission: ArrayLike = (0.0, 0.0, 0.0)
-    """Light that both sides give off evenly, whatever falls on them. It is seen, but does not light anything else."""
+    """Light that both sides give off evenly, whatever falls on them.
+
+    It is seen, but lights something else only with `integrator="path"`.
+    """
     specular: ArrayLike = (0.0, 0.0, 0.0)
     """Share of the light of lamps (all but ambient light) that is reflected as a highlight (Blinn-Phong).
 
@@ -41,6 +44,8 @@ class Material:
     """Refraction index of glass, relative to what is around it; greater than 0."""
     absorption: ArrayLike = (0.0, 0.0, 0.0)
     """Of glass: light weakens by exp(-absorption * distance) inside."""
+    shines: bool = True
+    """Whether its emission lights others; False for what only shows a lamp, such as `RectangleLight.panel`."""
 
     def __post_init__(self):
         object.__setattr__(self, "diffuse", checks.color(self.diffuse, "Material diffuse"))
@@ -58,6 +63,8 @@ class Material:
             raise ValueError(f"Material ior must be greater than 0; got {self.ior:g}")
         if any(self.glass):
             self._check_glass()
+        if not isinstance(self.shines, bool):
+            raise ValueError(f"Material shines must be True or False; got {self.shines!r}")
         if not isinstance(self.texture, (Texture, type(None))):
             raise ValueError(f"Material texture must be a Texture; got {type(self.texture).__name__}")
 

@@ -7,12 +7,14 @@ import time
 from functools import cached_property
 from pathlib import Path
 
+import numpy as np
+
 from . import checks
 from ._version import __version__
 from .cameras import AnyCamera
 from .digest import digest
 from .files import require_writable
-from .film import FILM, TILE_RAYS, empty_arrays
+from .film import FILM, STEP, empty_arrays, tile_rays
 from .image import COUNTS, Image, checked_look, file_kind, output_names
 from .progress import Bar
 from .scene_files import find_scene, load_scene
@@ -148,7 +150,8 @@ class Job:
 
     def work(self) -> None:
         """Renders and writes everything, and says how fast it was."""
-        self.tracer.compile_render(integrator=self.options.integrator)
+        options = self.options
+        self.tracer.compile_render(self.camera, options.integrator, self.outputs, options.noise)
         started = time.perf_counter()
         width, height = self.options.size
         with Bar(self.output.name, max(1, len(self.frames)) * width * height * self.samples) as progress:
@@ -186,7 +189,10 @@ class Job:
     def _finish_film(self, camera: AnyCamera, progress: Bar) -> None:
         options, unfinished = self.options, self.unfinished
         width, height = options.size
-        band = max(1, TILE_RAYS // (width * self.samples))
+        # With `noise`, few pixels take all samples.
+        each = self.samples if options.noise is None else min(self.samples, STEP)
+        band = max(1, tile_rays(self.tracer.device) // (width * each))
+        names = self.of_film if options.noise is None else [*self.of_film, "samples"]
         while unfinished.rows < height:
             first, count = unfinished.rows, min(band, height - unfinished.rows)
             before = first * width * self.samples
@@ -195,14 +201,15 @@ class Job:
                 options.size,
                 self.samples,
                 options.max_bounces,
-                outputs=self.of_film,
+                outputs=names,
                 progress=lambda done, _, before=before: progress(before + done),
                 rows=(first, count),
                 integrator=options.integrator,
                 noise=options.noise,
             )
             unfinished.add(part)
-            self.done_rays += count * width * self.samples
+            taken = part["samples"].sum(dtype=np.int64) if "samples" in part else count * width * self.samples
+            self.done_rays += int(taken)
 
     def _save(self, image: Image) -> None:
         image.save(self.output, **self.look)

@@ -42,7 +42,12 @@ class ImageSky:
     """Linear RGB, or one number: factor of the light."""
 
     def __post_init__(self):
-        picture = self.picture if isinstance(self.picture, Texture) else Texture(self.picture)
+        picture = self.picture
+        if not isinstance(picture, Texture):
+            try:
+                picture = Texture(picture)
+            except ValueError as error:
+                raise ValueError(f"ImageSky picture: {error}") from None
         object.__setattr__(self, "picture", picture)
         object.__setattr__(self, "rotation_deg", checks.number(self.rotation_deg, "ImageSky rotation_deg"))
         object.__setattr__(self, "scale", checks.color(self.scale, "ImageSky scale"))

@@ -16,11 +16,11 @@ from warprt.kernels.spec import Projection, Tier
 
 from . import checks
 from .all_hits import MOST_HITS, AllHits, Wanted, all_field_names, all_hits, hit_counts, joined_hits
-from .assemble import assemble, assemble_look
+from .assemble import assemble, assemble_look, require_no_gain
 from .camera import Camera
 from .cameras import CAMERAS, AnyCamera
 from .farm import work
-from .film import FILM, Film
+from .film import FILM, Film, is_measured
 from .hits import BRIEF, Hits, by_parts, field_names, field_types, hit_arrays
 from .image import EFFORT, Image, output_names
 from .launch import default_threads, launch, launch_packets, load
@@ -59,7 +59,7 @@ def choice(value: str, choices: Iterable[str], name: str) -> str:
 def checked_noise(noise: float) -> float:
     """The noise at which pixels are done, or a ValueError that says what it must be."""
     value = checks.number(noise, "noise")
-    if not value > 0:
+    if isinstance(noise, bool) or not value > 0:
         raise ValueError(f"noise must be positive, such as 0.01; got {noise!r}")
     return value
 
@@ -293,13 +293,13 @@ class Tracer:
         max_bounces: surfaces at which a path goes on; 8, or 64 for "path", whose paths mostly end earlier, by chance.
 
         noise: a pixel that has 16, 32, ... samples takes no more once the standard error of its mean, in square roots
-        of light, which are as sRGB about even to the eye, is at most this in each channel: 0.01 is hardly seen. What
-        16 samples all miss is taken for not there.
+        of light, which are about as even to the eye as sRGB, is at most this in each channel, and so for the three
+        pixels to its left and right; 0.01 is hardly seen. What all their samples miss is taken for not there.
 
         progress: True for a progress bar, or called as progress(done, total) now and then with counts of camera rays.
-        preview: called as preview(image, samples) with the colour, and variance and samples if asked for, after 1, 2,
-        4, ... samples of all pixels; if it returns False, they are the last. executor: any of `concurrent.futures`, to
-        which bands of rows go, see docs/scaling.md. None of these changes a bit of the result.
+        preview: called as preview(image, samples) after 1, 2, 4, ... samples of all pixels, with those of colour,
+        variance and samples that are asked for; if it returns False, they are the last. executor: any of
+        `concurrent.futures`, to which bands of rows go, see docs/scaling.md. None of these changes a bit of the result.
 
         Raises ValueError for sizes and counts that are not integers of at least 1 (max_bounces: 0), for rows that
         the picture has not, and for an unknown integrator, output or camera.
@@ -310,6 +310,11 @@ class Tracer:
         max_bounces = INTEGRATORS[integrator] if max_bounces is None else max_bounces
         max_bounces = checks.integer(max_bounces, "max_bounces", 0, MOST_SAMPLES)
         noise = None if noise is None else checked_noise(noise)
+        if integrator == "path":
+            require_no_gain(self.scene)
+        for name, function in (("progress", progress), ("preview", preview)):
+            if not (function is None or callable(function) or (name == "progress" and isinstance(function, bool))):
+                raise ValueError(f"{name} must be a function; got {function!r}")
         if not isinstance(camera, (*CAMERAS, type(None))):
             names = " or ".join(kind.__name__ for kind in CAMERAS)
             raise ValueError(f"camera must be {names}; got {type(camera).__name__}")
@@ -326,10 +331,11 @@ class Tracer:
         arrays: dict[str, np.ndarray] = {}
         of_film = [name for name in names if name in FILM]
         if of_film:
-            film = Film(width * rows[0], width * rows[1], of_film, noise, self.device)
-            run = self._film_launcher(film, camera, (width, height), max_bounces, integrator)
+            bounces = max_bounces if replace(self._looks()[0], paths=integrator == "path").goes_on else None
+            film = Film(rows, width, of_film, noise, bounces, self.device, self.threads)
+            run = self._film_launcher(film, camera, (width, height), integrator)
             with Bar("render", film.size * samples) if progress is True else nullcontext(progress or None) as report:
-                arrays |= film.developed(run, samples, width, report, preview)
+                arrays |= film.developed(run, samples, report, preview)
         of_center = [name for name in names if name not in FILM]
         if of_center:
             arrays |= self._render_fields(camera, width, height, of_center, rows)
@@ -347,10 +353,21 @@ class Tracer:
         bounds = self._device_scene.placements.bounds()
         return Camera.framing(*(bounds or (np.full(3, -1.0), np.full(3, 1.0))))
 
-    def compile_render(self, camera: AnyCamera | None = None, integrator: str = "whitted") -> None:
-        """Compiles, or loads from the cache, the kernel that `render` needs; it does so itself when it must."""
+    def compile_render(
+        self,
+        camera: AnyCamera | None = None,
+        integrator: str = "whitted",
+        outputs: str | Iterable[str] = ("color",),
+        noise: float | None = None,
+    ) -> None:
+        """Compiles, or loads from the cache, the kernel that `render` needs for what comes of samples.
+
+        Arguments as for `render`, which does so itself when it must.
+        """
+        names = set(output_names(outputs)) & {*FILM}
         camera = camera or self.scene.camera or self.framing_camera()
-        load(self._render_kernel(camera.projection, integrator), self.device)
+        if names:
+            load(self._render_kernel(camera.projection, integrator, is_measured(names, noise)), self.device)
 
     def _looks(self) -> tuple:
         """(compile-time choices, struct) of materials, lights and sky; ray queries do without."""
@@ -364,13 +381,13 @@ class Tracer:
     def _render_kernel(self, projection: Projection, integrator: str, is_measured: bool = False) -> wp.Kernel:
         return make_render(replace(self._looks()[0], paths=integrator == "path"), projection, is_measured)
 
-    def _film_launcher(self, film: Film, camera: AnyCamera, size, max_bounces: int, integrator: str):
+    def _film_launcher(self, film: Film, camera: AnyCamera, size: tuple[int, int], integrator: str):
         """What runs the kernel over some pixels of a film."""
         kernel = self._render_kernel(camera.projection, integrator, film.is_measured)
         before = [self._device_scene.struct, self._look[1], camera.struct(*size)]
 
         def run(samples: int, first: int, count: int) -> None:
-            launch(kernel, count, [*before, film.struct, samples, max_bounces], self.device, self.threads, first)
+            launch(kernel, count, [*before, film.struct, samples], self.device, self.threads, first)
 
         return run
 

@@ -10,7 +10,7 @@ import PIL.Image
 
 from .cameras import AnyCamera
 from .files import write_whole
-from .view import View
+from .views import View
 
 FRAME_MS = 80
 

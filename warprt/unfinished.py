@@ -14,6 +14,10 @@ from .image import Image
 SECONDS_BETWEEN_SAVES = 30.0
 
 
+class OtherRenderError(ValueError):
+    """The file is of another render."""
+
+
 class Unfinished:
     """Frames that are done, and the rows of the next one that are, of one array or several that are filled row by row.
 
@@ -35,16 +39,13 @@ class Unfinished:
         """
         try:
             with np.load(self.path) as data:
-                terms, frame, rows = json.loads(str(data["terms"])), int(data["frame"]), int(data["rows"])
-                arrays = {name: data[f"array_{name}"] for name in self.arrays if f"array_{name}" in data}
+                self._require_terms(json.loads(str(data["terms"])))
+                frame, rows = int(data["frame"]), int(data["rows"])
+                arrays = {name: data[f"array_{name}"] for name in self.arrays}
+        except OtherRenderError:
+            raise
         except (ValueError, KeyError, OSError, EOFError, zipfile.BadZipFile):
             raise ValueError(f"{self.path} cannot be read; leave out --resume to begin anew") from None
-        now = self._terms()
-        others = [name for name in now if terms.get(name) != now[name]]
-        if others:
-            raise ValueError(
-                f"{self.path} was begun with another {', '.join(others)}; leave out --resume to begin anew"
-            )
         gone = [k for k, file in enumerate(frames[:frame]) if not file.exists()]
         if gone:
             self.frame = gone[0]
@@ -52,6 +53,14 @@ class Unfinished:
         self.frame, self.rows = frame, rows
         for name, array in arrays.items():
             self.arrays[name][:rows] = array
+
+    def _require_terms(self, terms: dict) -> None:
+        now = self._terms()
+        others = [name for name in now if terms.get(name) != now[name]]
+        if others:
+            raise OtherRenderError(
+                f"{self.path} was begun with another {', '.join(others)}; leave out --resume to begin anew"
+            )
 
     def add(self, image: Image) -> None:
         """Rows of the present frame that are done now."""
