@@ -23,6 +23,7 @@ from . import (
     scaling,
     shared_scenes,
     specialisation,
+    workers,
 )
 
 SIZES = (10_000, 100_000, 1_000_000)
@@ -62,7 +63,10 @@ def run(options) -> None:
         if path:
             require_writable(path)
     threads = options.threads or default_threads()
+    if options.topic == "workers":
+        threads = 1
     size, rounds = options.size or (192 if options.quick else 512), 7 if options.quick else 9
+    rounds = 3 if options.topic == "workers" else rounds
     about = {**machine.about("cpu"), "topic": options.topic, "threads": threads, "rounds": rounds}
     print(f"{about['device']}, {threads} thread(s); medians of {rounds} alternating rounds")
     results, table, draw = TOPICS[options.topic](options, size, rounds, threads)
@@ -118,6 +122,12 @@ def _all_hits(options, size: int, rounds: int, threads: int):
     return results, all_hits.table, None
 
 
+def _workers(options, size: int, rounds: int, threads: int):
+    if options.quick:
+        return workers.measure(20_000, 64, 2, 1 << 11, rounds, (2,)), workers.table, None
+    return workers.measure(1_100_000, 1024, 4, workers.TILE, rounds), workers.table, None
+
+
 def _mitsuba(options, size: int, rounds: int, threads: int):
     samples = 4 if options.quick else 64
     bar = tqdm(shared_scenes.SCENES.items(), disable=None, leave=False, desc="bench")
@@ -141,6 +151,7 @@ TOPICS = {
     "instances": _instances,
     "specialisation": _specialisation,
     "leaks": _leaks,
+    "workers": _workers,
     "mitsuba": _mitsuba,
     "paths": _paths,
 }

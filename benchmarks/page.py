@@ -5,14 +5,20 @@
 """
 
 import json
+import math
 import re
+import statistics
 from collections.abc import Iterable
 from pathlib import Path
 
 from warprt.files import write_whole
+from warprt.tiles import MOST_PIXELS
+
+from .workers import GPU_RAYS_PER_S, PIXELS, TILE
+from .workers import seconds as modelled
 
 ROOT = Path(__file__).parents[1]
-PAGES = ("README.md", "docs/benchmarks.md", "docs/numerics.md")
+PAGES = ("README.md", "docs/benchmarks.md", "docs/numerics.md", "docs/scaling.md")
 TABLE = re.compile(r"(<!-- table: (\w+) (.*?) -->\n).*?(<!-- end -->)", re.DOTALL)
 
 
@@ -172,6 +178,46 @@ def all_hits(name: str) -> str:
     return rows(head, body)
 
 
+def workers(name: str) -> str:
+    """One picture by each executor, measured and by the model."""
+    body = []
+    for executor, entry in results(name)["cases"].items():
+        times = [f"{entry[key]:.2f}" for key in ("cold_s", "warm_s", "model_s", "ratio", "tile_s")]
+        costs = [f"{1e3 * entry[key]:.1f}" for key in ("call_s", "per_tile_s", "per_mb_s")]
+        body.append([executor, *times, *costs])
+    head = ["", "first picture, s", "next ones, s", "by the model, s", "ratio", "work of a tile, s"]
+    return rows([*head, "cost of a call, ms", "of a tile, ms", "of a MB, ms"], body)
+
+
+def planned(name: str) -> str:
+    """What the model predicts for machines that nobody has measured."""
+    cases = results(name)["cases"]
+    a_core = TILE / cases["in process"]["tile_s"]
+    plans = [
+        ("8 GPUs of one machine", "pool", 8, GPU_RAYS_PER_S, (1 << 23, 1 << 26)),
+        ("100 machines of 32 cores, Dask", "Dask", 100, 32 * a_core, (1 << 23, 1 << 26)),
+    ]
+    body = []
+    for title, kind, count, rate, sizes in plans:
+        fixed, each = (_median(cases, kind, key) for key in ("per_tile_s", "per_mb_s"))
+        asked = [(samples, min(rays, MOST_PIXELS * samples)) for samples in (1, 16, 256) for rays in sizes]
+        for samples, rays in dict.fromkeys(asked):
+            tile, megabytes = rays / rate, 3e-6 * rays / samples
+            cost, tiles = fixed + megabytes * each, math.ceil(PIXELS * samples / rays)
+            whole = modelled(tiles, tile, cost, count)
+            figures = [f"{rays / 1e6:.0f} M", f"{tile:.2f}", f"{megabytes:.1f}", f"{1e3 * cost:.0f}"]
+            busy = f"{100 * tiles * tile / (count * whole):.0f} %"
+            body.append([title, samples, *figures, f"{tile / cost:.1f}", f"{whole:.1f}", busy])
+            title = ""
+    head = ["", "samples", "rays of a tile", "its work, s", "its result, MB", "its cost, ms", "saturates at workers"]
+    return rows([*head, "16k x 16k picture, s", "workers busy"], body)
+
+
+def _median(cases: dict, kind: str, key: str) -> float:
+    """Over all numbers of workers."""
+    return statistics.median(entry[key] for name, entry in cases.items() if name.startswith(kind))
+
+
 def agreement(name: str) -> str:
     """Depth and normals against Mitsuba's, and what the pixels are that differ."""
     body = []
@@ -224,6 +270,8 @@ MAKERS = (
     jumps,
     directions,
     all_hits,
+    workers,
+    planned,
     agreement,
     direct_light,
     paths,

@@ -109,6 +109,7 @@ def test_command_prints_a_table_and_writes_files(tmp_path, capsys):
         ("instances", "10,000 instances"),
         ("specialisation", "times as fast"),
         ("all-hits", "warprt double"),
+        ("workers", "pool of 2"),
     ],
 )
 def test_command_measures_each_topic(topic, words, tmp_path, capsys):

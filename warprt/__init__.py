@@ -26,6 +26,7 @@ from .matrix_camera import MatrixCamera as MatrixCamera
 from .measure import Measured as Measured
 from .measure import measure as measure
 from .mesh import Mesh as Mesh
+from .pool import WorkerPool as WorkerPool
 from .scene import Instance as Instance
 from .scene import Instances as Instances
 from .scene import Scene as Scene
@@ -39,6 +40,7 @@ from .shapes import Plane as Plane
 from .shapes import Sphere as Sphere
 from .sky import GradientSky as GradientSky
 from .sky import ImageSky as ImageSky
+from .stream import cast_file as cast_file
 from .texture import Texture as Texture
 from .tracer import Tracer as Tracer
 from .transform import Transform as Transform

@@ -1,6 +1,7 @@
 """All hits of rays, in CSR form: gathered, counted, and stored one after the other."""
 
 import itertools
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -118,6 +119,13 @@ def all_hits(rays: Rays, want: Wanted) -> AllHits:
     if rays.is_device_array:
         return AllHits(rays.shape, wp.array(offsets, dtype=wp.int64, device=rays.device), fields)
     return AllHits(rays.shape, offsets, fields)
+
+
+def joined_hits(shape: tuple[int, ...], pieces: list[dict[str, np.ndarray]], names: tuple[str, ...]) -> AllHits:
+    """All hits of batches that follow one another, each with counts of its rays and fields of its hits."""
+    offsets = np.zeros(math.prod(shape) + 1, dtype=np.int64)
+    np.cumsum(np.concatenate([piece["counts"] for piece in pieces]), out=offsets[1:])
+    return AllHits(shape, offsets, {name: np.concatenate([piece[name] for piece in pieces]) for name in names})
 
 
 def hit_counts(rays: Rays, want: Wanted) -> Array:

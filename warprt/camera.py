@@ -18,9 +18,12 @@ class Pinhole:
 
     projection: ClassVar[Projection] = Projection.PINHOLE
 
-    def rays(self, width: int, height: int) -> tuple[np.ndarray, np.ndarray]:
-        """(origins, unit directions) through the pixel centres, each (height, width, 3) float64; row 0 is on top."""
-        columns, rows = pixel_centers(width, height)
+    def rays(self, width: int, height: int, rows: tuple[int, int] | None = None) -> tuple[np.ndarray, np.ndarray]:
+        """(origins, unit directions) through the pixel centres, each (height, width, 3) float64; row 0 is on top.
+
+        rows: (first, count), only these.
+        """
+        columns, rows = pixel_centers(width, height, rows)
         corner, right, down = self.pixel_steps(width, height)
         directions = corner + columns * right + rows * down
         directions /= np.linalg.norm(directions, axis=-1, keepdims=True)

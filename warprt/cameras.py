@@ -42,9 +42,12 @@ class OrthographicCamera(View):
         corner = self.position + (self.height / 2) * up - (pixel * width / 2) * right
         return corner, pixel * right, -pixel * up
 
-    def rays(self, width: int, height: int) -> tuple[np.ndarray, np.ndarray]:
-        """(origins, unit directions) through the pixel centres, each (height, width, 3) float64; row 0 is on top."""
-        columns, rows = pixel_centers(width, height)
+    def rays(self, width: int, height: int, rows: tuple[int, int] | None = None) -> tuple[np.ndarray, np.ndarray]:
+        """(origins, unit directions) through the pixel centres, each (height, width, 3) float64; row 0 is on top.
+
+        rows: (first, count), only these.
+        """
+        columns, rows = pixel_centers(width, height, rows)
         corner, right, down = self.pixel_steps(width, height)
         origins = corner + columns * right + rows * down
         return origins, np.broadcast_to(self.frame()[2], origins.shape).copy()
@@ -86,12 +89,12 @@ class FisheyeCamera(View):
         if not 0 < self.fov_deg <= 360:
             raise ValueError(f"FisheyeCamera fov_deg must be positive and at most 360; got {self.fov_deg}")
 
-    def rays(self, width: int, height: int) -> tuple[np.ndarray, np.ndarray]:
+    def rays(self, width: int, height: int, rows: tuple[int, int] | None = None) -> tuple[np.ndarray, np.ndarray]:
         """(origins, directions) through the pixel centres, each (height, width, 3) float64; row 0 is on top.
 
-        Directions are unit, or 0 outside the circle.
+        Directions are unit, or 0 outside the circle. rows: (first, count), only these.
         """
-        columns, rows = pixel_centers(width, height)
+        columns, rows = pixel_centers(width, height, rows)
         right, up, forward = self.frame()
         x, y = columns - 0.5 * width, 0.5 * height - rows
         r = np.sqrt(x * x + y * y)
@@ -122,9 +125,12 @@ class EquirectangularCamera(View):
 
     projection: ClassVar[Projection] = Projection.EQUIRECTANGULAR
 
-    def rays(self, width: int, height: int) -> tuple[np.ndarray, np.ndarray]:
-        """(origins, unit directions) through the pixel centres, each (height, width, 3) float64; row 0 is on top."""
-        columns, rows = pixel_centers(width, height)
+    def rays(self, width: int, height: int, rows: tuple[int, int] | None = None) -> tuple[np.ndarray, np.ndarray]:
+        """(origins, unit directions) through the pixel centres, each (height, width, 3) float64; row 0 is on top.
+
+        rows: (first, count), only these.
+        """
+        columns, rows = pixel_centers(width, height, rows)
         right, up, forward = self.frame()
         longitude = (columns - 0.5 * width) * (2 * math.pi / width)
         latitude = (0.5 * height - rows) * (math.pi / height)

@@ -2,9 +2,7 @@
 
 import argparse
 import ast
-import os
 import sys
-import tempfile
 import warnings
 from pathlib import Path
 
@@ -13,6 +11,7 @@ import warp as wp
 from . import launch
 from ._version import __version__
 from .image import OUTPUTS, TONES
+from .quiet import start_warp
 from .scene_files import load_scene, ready_scenes
 from .tracer import ACCELERATORS, INTEGRATORS, TIERS
 
@@ -31,7 +30,7 @@ def main(arguments: list[str] | None = None) -> int:
     options.arguments = sys.argv[1:] if arguments is None else list(arguments)
     launch.on_compile = _announce_compile
     try:
-        _start_warp()
+        start_warp()
         with warnings.catch_warnings():
             warnings.showwarning = _show_warning
             options.run(options)
@@ -46,24 +45,6 @@ def main(arguments: list[str] | None = None) -> int:
 
 def _show_warning(message, *_, **__) -> None:
     print(f"warprt: warning: {message}", file=sys.stderr)
-
-
-def _start_warp() -> None:
-    """Starts Warp without its banner, and without its warning where there is no GPU, which is no fault."""
-    wp.config.log_level = wp.LOG_ERROR
-    # The warning is written by native code, so the file descriptor itself must be turned away for a moment.
-    sys.stderr.flush()
-    with tempfile.TemporaryFile() as aside:
-        kept = os.dup(2)
-        os.dup2(aside.fileno(), 2)
-        try:
-            wp.init()
-        finally:
-            os.dup2(kept, 2)
-            os.close(kept)
-        aside.seek(0)
-        lines = aside.read().decode(errors="replace").splitlines(keepends=True)
-    sys.stderr.write("".join(line for line in lines if "NVIDIA CUDA driver" not in line))
 
 
 def _parser() -> _Parser:
@@ -91,6 +72,9 @@ def _parser() -> _Parser:
     render.add_argument("--exposure", type=float, default=1.0, metavar="X", help="factor of the light; default 1")
     render.add_argument("--tone", default="srgb", metavar="T", help=f"{' or '.join(TONES)}; default srgb")
     render.add_argument("--turntable", type=int, metavar="N", help="N pictures around the scene, and a moving one")
+    render.add_argument("--workers", type=int, metavar="N", help="processes here, a GPU each; 0: all there is")
+    render.add_argument("--scheduler", metavar="ADDRESS", help="of a Dask cluster, such as tcp://host:8786")
+    render.add_argument("--tile", type=float, metavar="RAYS", help="camera rays of a piece of work for them")
     render.add_argument("--resume", action="store_true", help="go on with what was interrupted")
     render.add_argument("--no-clobber", action="store_true", help="refuse to replace a file")
     render.set_defaults(run=_render)
@@ -111,7 +95,18 @@ def _parser() -> _Parser:
     view.add_argument("--no-browser", action="store_true", help="do not open the page, only say where it is")
     view.set_defaults(run=_view)
     bench = commands.add_parser("bench", help="measure against wp.Mesh, Embree and Mitsuba")
-    topics = ["rates", "resolution", "scaling", "instances", "specialisation", "leaks", "all-hits", "mitsuba", "paths"]
+    topics = [
+        "rates",
+        "resolution",
+        "scaling",
+        "instances",
+        "specialisation",
+        "leaks",
+        "all-hits",
+        "mitsuba",
+        "paths",
+        "workers",
+    ]
     bench.add_argument("topic", nargs="?", default="rates", choices=topics)
     bench.add_argument("--quick", action="store_true", help="fewer and smaller meshes: under a minute")
     bench.add_argument(

@@ -27,7 +27,9 @@ def write_whole(path: str | Path, write: Callable[[BinaryIO], None]) -> None:
     path = require_writable(path)
     handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
     try:
-        with os.fdopen(handle, "wb") as file:
+        os.close(handle)
+        # By name, which some writers ask a file for.
+        with open(temporary, "wb") as file:
             write(file)
         # mkstemp gives a private file; a picture should have the permissions of any new file.
         mask = os.umask(0)

@@ -51,6 +51,13 @@ def filmic(linear: np.ndarray) -> np.ndarray:
     return np.minimum(x * (2.51 * x + 0.03) / (x * (2.43 * x + 0.59) + 0.14), 1)
 
 
+def levels_8(color: np.ndarray, exposure: float, tone: str) -> np.ndarray:
+    """Linear light as uint8 of sRGB."""
+    light = exposure * color.astype(np.float64)
+    light = filmic(light) if tone == "filmic" else light
+    return np.rint(255 * srgb(light)).astype(np.uint8)
+
+
 def checked_look(exposure: float, tone: str, bits: int = 8) -> tuple[float, str, int]:
     """How a picture is drawn, or a ValueError that names what is wrong with it."""
     exposure = checks.number(exposure, "exposure")
@@ -153,9 +160,7 @@ class Image:
             picture.info.update(meaning)
             return picture
         if name == "color":
-            light = exposure * self[name].astype(np.float64)
-            light = filmic(light) if tone == "filmic" else light
-            return PIL.Image.fromarray(np.rint(255 * srgb(light)).astype(np.uint8))
+            return PIL.Image.fromarray(levels_8(self[name], exposure, tone))
         if name in COUNTS:
             return heat_map(self[name])
         levels = np.rint(255 * _drawn(name, self[name])).astype(np.uint8)
@@ -182,7 +187,12 @@ class Image:
             picture = self.to_pil(name, bits, exposure, tone)
             if bits == 16 and kind != "PNG":
                 raise ValueError(f"cannot write {path} with 16 bits: use .png, or .npz for the data")
-            write_whole(path, lambda file: picture.save(file, format=kind, **_texts(picture, kind)))
+            write_picture(path, picture, kind)
+
+
+def write_picture(path: str | Path, picture: PIL.Image.Image, kind: str) -> None:
+    """Writes a picture whole or not at all."""
+    write_whole(path, lambda file: picture.save(file, format=kind, **_texts(picture, kind)))
 
 
 def _texts(picture: PIL.Image.Image, kind: str) -> dict:

@@ -4,6 +4,7 @@ Warp releases the interpreter lock while a CPU kernel runs. Each ray writes only
 same bits for any number of threads.
 """
 
+import contextlib
 import itertools
 import os
 import threading
@@ -17,9 +18,16 @@ from warprt.kernels.packet import PACKET
 
 from . import checks
 
+try:
+    import fcntl
+except ImportError:  # not on Windows, where processes that start together compile the same
+    fcntl = None
+
 on_compile: Callable[[], None] | None = None
 """Called, once, before a kernel is compiled that is not in Warp's cache."""
 _is_announced = False
+_loaded: set[tuple[wp.Module, str]] = set()
+"""Of modules and devices: what needs no look at the cache any more."""
 
 BAND = 4096
 """Fewest rays per launch on a CPU: enough to hide the cost of a launch."""
@@ -50,7 +58,25 @@ def load(kernel: wp.Kernel, device: wp.Device) -> None:
     if on_compile is not None and not _is_announced and not _is_cached(kernel, device):
         _is_announced = True
         on_compile()
-    kernel.module.load(device, _block_dim(device))
+    key = (kernel.module, device.alias)
+    if key in _loaded:
+        kernel.module.load(device, _block_dim(device))
+        return
+    with contextlib.nullcontext() if _is_cached(kernel, device) else _compiler_lock():
+        kernel.module.load(device, _block_dim(device))
+    _loaded.add(key)
+
+
+@contextlib.contextmanager
+def _compiler_lock():
+    """One process of this machine compiles at a time: the next one then finds in Warp's cache what it needs."""
+    folder = wp.config.kernel_cache_dir
+    if fcntl is None or folder is None:
+        yield
+        return
+    with open(os.path.join(folder, "warprt.lock"), "wb") as file:
+        fcntl.flock(file, fcntl.LOCK_EX)
+        yield
 
 
 def _block_dim(device: wp.Device) -> int:

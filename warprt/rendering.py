@@ -18,6 +18,7 @@ from .film import FILM, STEP, empty_arrays, tile_rays
 from .image import COUNTS, Image, checked_look, file_kind, output_names
 from .progress import Bar
 from .scene_files import find_scene, load_scene
+from .tiff import is_streamed
 from .tracer import INTEGRATORS, MOST_SAMPLES, Tracer, checked_noise, choice
 from .turntable import frame_paths, turned, write_moving
 from .unfinished import Unfinished
@@ -27,13 +28,23 @@ MOST_FRAMES = 100_000
 
 def run(options: argparse.Namespace) -> None:
     """Renders what the options say. Raises ValueError and OSError for mistakes, before any work is done."""
-    job = Job(options)
+    job = _job(options)
     job.require_places()
     job.begin()
     try:
         job.work()
     except KeyboardInterrupt:
         raise KeyboardInterrupt(job.keep()) from None
+
+
+def _job(options: argparse.Namespace) -> "Job":
+    """Tiles are for several processes, and for pictures that are too large to be held in memory."""
+    is_large = options.output and is_streamed(Path(options.output), options.size)
+    if options.workers is None and options.scheduler is None and not is_large:
+        return Job(options)
+    from .tiled_rendering import TiledJob
+
+    return TiledJob(options)
 
 
 class Job:
@@ -56,8 +67,6 @@ class Job:
         self.frames = self._frames()
         self._path = path
         self.of_film = [name for name in self.outputs if name in FILM]
-        room = empty_arrays(self.of_film, *options.size)
-        self.unfinished = Unfinished(self.output.with_suffix(".unfinished.npz"), room, self._terms)
         self.done_rays = 0
 
     def _frames(self) -> list[Path]:
@@ -105,6 +114,8 @@ class Job:
         self.camera = self.scene.camera or self.tracer.framing_camera()
         if self.frames:
             turned(self.camera, 0)
+        room = empty_arrays(self.of_film, *options.size)
+        self.unfinished = Unfinished(self.output.with_suffix(".unfinished.npz"), room, self._terms)
         left = self.unfinished.path
         if options.resume and left.exists():
             self.unfinished.load(self.frames)
@@ -125,12 +136,17 @@ class Job:
             "integrator": options.integrator,
             "noise": options.noise,
             "accuracy": options.accuracy,
-            "device": "cuda" if self.tracer.device.is_cuda else "cpu",
+            "device": self.device_kind,
             "outputs": list(self.outputs),
             "turntable": options.turntable,
             "exposure": options.exposure,
             "tone": options.tone,
         }
+
+    @property
+    def device_kind(self) -> str:
+        """Results of one kind of device may differ from those of the other in their last digits."""
+        return self.tracer.kind
 
     def work(self) -> None:
         """Renders and writes everything, and says how fast it was."""

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable, Iterable
+from concurrent.futures import Executor
 from contextlib import nullcontext
 from dataclasses import replace
 
@@ -14,18 +15,21 @@ from warprt.kernels.render import make_render
 from warprt.kernels.spec import Projection, Tier
 
 from . import checks
-from .all_hits import MOST_HITS, AllHits, Wanted, all_field_names, all_hits, hit_counts
+from .all_hits import MOST_HITS, AllHits, Wanted, all_field_names, all_hits, hit_counts, joined_hits
 from .assemble import assemble, assemble_look, require_no_gain
 from .camera import Camera
 from .cameras import CAMERAS, AnyCamera
+from .farm import work
 from .film import FILM, Film, is_measured
 from .hits import BRIEF, Hits, by_parts, field_names, field_types, hit_arrays
 from .image import EFFORT, Image, output_names
 from .launch import default_threads, launch, launch_packets, load
 from .mesh import Mesh
+from .parcel import recipe_of
 from .progress import Bar
 from .rays import BYTES, RayPart, Rays, as_directions, as_rays
 from .scene import Scene
+from .tiles import TILE_RAYS, Rows, picture_tiles, ray_tiles
 from .typing import Array, ArrayLike
 from .walk import CellWalk, walk_cells
 
@@ -92,11 +96,19 @@ class Tracer:
         self.budget = checks.integer(budget, "budget", 1, 2**62)
         self._real = tier.result
         self._device_scene = assemble(scene, tier, self.device, accelerator == "grid")
+        self.tile_rays = TILE_RAYS[self.kind]
+        """Rays of a piece of work for an executor; may be changed."""
+        self._is_moved = np.zeros(scene.instance_count, bool)
         self._look: tuple | None = None
         self._look_normals: list[bool] = []
 
     def __repr__(self) -> str:
         return f"Tracer({self.scene.instance_count} instances, {self.accuracy}, {self.device.alias})"
+
+    @property
+    def kind(self) -> str:
+        """That of the device: "cpu" or "cuda"."""
+        return "cuda" if self.device.is_cuda else "cpu"
 
     @property
     def bytes(self) -> int:
@@ -119,6 +131,7 @@ class Tracer:
         t_min: float | Array = 0.0,
         t_max: float | Array = math.inf,
         outputs: str | Iterable[str] = "all",
+        executor: Executor | None = None,
     ) -> Hits:
         """The closest hit of each ray o + t d with t_min <= t < t_max.
 
@@ -127,10 +140,15 @@ class Tracer:
         need not be unit. Limits are one number or one per ray. outputs: "all" or names of `Hits` fields; only those
         are computed and stored. Rays that are none (NaN, zero direction) miss.
 
+        executor: any of `concurrent.futures`, to which rays from NumPy go in parts; its workers unpack the scene once
+        and have devices of the tracer's kind. The result is the same, bit for bit; see docs/scaling.md.
+
         Raises ValueError for wrong shapes, types or devices, and for sizes outside 1e-100 .. 1e100.
         """
         names = field_names(outputs)
         rays = self._rays(origins, directions, t_min, t_max)
+        if executor is not None and rays.count:
+            return Hits(self._shared_out("cast", rays, executor, {"outputs": names}), rays, self)
         spec, is_full = self._device_scene.spec, not set(names) <= set(BRIEF)
         in_packets = spec.in_packets and not is_full
         kernel = make_cast_packets(spec) if in_packets else make_cast(spec, is_full)
@@ -147,9 +165,12 @@ class Tracer:
         directions: ArrayLike | wp.array,
         t_min: float | Array = 0.0,
         t_max: float | Array = math.inf,
+        executor: Executor | None = None,
     ) -> Array:
         """(...) bool: whether each ray meets anything with t_min <= t < t_max. Arguments as for `cast`."""
         rays = self._rays(origins, directions, t_min, t_max)
+        if executor is not None and rays.count:
+            return self._shared_out("occluded", rays, executor, {})["occluded"]
         spec = self._device_scene.spec
         kernel = make_occluded_packets(spec) if spec.in_packets else make_occluded(spec)
 
@@ -166,6 +187,7 @@ class Tracer:
         t_max: float | Array = math.inf,
         outputs: str | Iterable[str] = "all",
         max_hits: int | None = None,
+        executor: Executor | None = None,
     ) -> AllHits:
         """All hits of each ray with t_min <= t < t_max, sorted by t, then by instance and primitive.
 
@@ -178,7 +200,13 @@ class Tracer:
         """
         names = all_field_names(outputs)
         most = MOST_HITS if max_hits is None else checks.integer(max_hits, "max_hits")
-        return all_hits(self._rays(origins, directions, t_min, t_max), self._wanted(names, most))
+        rays = self._rays(origins, directions, t_min, t_max)
+        if executor is not None and rays.count:
+            pieces: dict[int, dict[str, np.ndarray]] = {}
+            options = {"outputs": names, "max_hits": max_hits}
+            self._hand_out("cast_all", rays, executor, options, lambda tile, found: pieces.update({tile.first: found}))
+            return joined_hits(rays.shape, [pieces[first] for first in sorted(pieces)], names)
+        return all_hits(rays, self._wanted(names, most))
 
     def count(
         self,
@@ -186,9 +214,31 @@ class Tracer:
         directions: ArrayLike | wp.array,
         t_min: float | Array = 0.0,
         t_max: float | Array = math.inf,
+        executor: Executor | None = None,
     ) -> Array:
         """(...) int32: how many hits each ray has, as `cast_all` counts them. Arguments as for `cast`."""
-        return hit_counts(self._rays(origins, directions, t_min, t_max), self._wanted((), MOST_HITS))
+        rays = self._rays(origins, directions, t_min, t_max)
+        if executor is not None and rays.count:
+            return self._shared_out("count", rays, executor, {})["count"]
+        return hit_counts(rays, self._wanted((), MOST_HITS))
+
+    def _shared_out(self, query: str, rays: Rays, executor: Executor, options: dict) -> dict[str, np.ndarray]:
+        """A query that has one answer for each ray, from an executor."""
+        rows = Rows(rays.count)
+        self._hand_out(query, rays, executor, options, rows.put)
+        return {name: values.reshape(rays.shape + values.shape[1:]) for name, values in rows.arrays.items()}
+
+    def _hand_out(self, query: str, rays: Rays, executor: Executor, options: dict, put: Callable) -> None:
+        if rays.is_device_array:
+            raise ValueError("executor= takes rays from NumPy; these are on a device already")
+        vectors, limits = (rays.origins, rays.directions), (rays.t_min, rays.t_max)
+        work(
+            executor,
+            recipe_of(self),
+            ray_tiles(query, vectors, limits, options, self.tile_rays),
+            put,
+            tracer=self,
+        )
 
     def walk(self, origin: ArrayLike, direction: ArrayLike) -> CellWalk:
         """The cells of mesh grids that one ray, given by two (3,) vectors, pierces up to its hit, in order.
@@ -207,7 +257,15 @@ class Tracer:
         """
         placements = self._device_scene.placements
         placements.move(first_instance, world_from_local)
+        count = 1 if np.ndim(world_from_local) == 2 else len(world_from_local)
+        self._is_moved[first_instance : first_instance + count] = True
         self._device_scene.struct.instances = placements.struct()
+
+    def moved(self) -> tuple[tuple[int, np.ndarray], ...]:
+        """(first instance, matrices) of each run of instances to which `set_transforms` has given new ones."""
+        rows = np.flatnonzero(self._is_moved)
+        runs = np.split(rows, np.flatnonzero(np.diff(rows) != 1) + 1) if len(rows) else []
+        return tuple((int(run[0]), self._device_scene.placements.world_from_local[run]) for run in runs)
 
     def render(
         self,
@@ -221,6 +279,7 @@ class Tracer:
         integrator: str = "whitted",
         noise: float | None = None,
         preview: Callable[[Image, int], bool | None] | None = None,
+        executor: Executor | None = None,
     ) -> Image:
         """A picture of (width, height) pixels.
 
@@ -239,8 +298,8 @@ class Tracer:
 
         progress: True for a progress bar, or called as progress(done, total) now and then with counts of camera rays.
         preview: called as preview(image, samples) after 1, 2, 4, ... samples of all pixels, with those of colour,
-        variance and samples that are asked for; if it returns False, they are the last. None of these changes a bit of
-        the result.
+        variance and samples that are asked for; if it returns False, they are the last. executor: any of
+        `concurrent.futures`, to which bands of rows go, see docs/scaling.md. None of these changes a bit of the result.
 
         Raises ValueError for sizes and counts that are not integers of at least 1 (max_bounces: 0), for rows that
         the picture has not, and for an unknown integrator, output or camera.
@@ -263,6 +322,12 @@ class Tracer:
         rows = (0, height) if rows is None else self._checked_rows(rows, height)
         self._device_scene.refresh()
         camera = camera or self.scene.camera or self.framing_camera()
+        if executor is not None:
+            if preview is not None:
+                raise ValueError("preview= shows the samples of one process: leave out executor=, or preview=")
+            options = {"samples": samples, "max_bounces": max_bounces, "integrator": integrator, "noise": noise}
+            tiles = picture_tiles(camera, (width, height), names, options, rows, self.tile_rays)
+            return self._render_shared_out(tiles, executor, rows[1], rows[1] * width * samples, progress)
         arrays: dict[str, np.ndarray] = {}
         of_film = [name for name in names if name in FILM]
         if of_film:
@@ -275,6 +340,13 @@ class Tracer:
         if of_center:
             arrays |= self._render_fields(camera, width, height, of_center, rows)
         return Image({name: arrays[name] for name in names})
+
+    def _render_shared_out(self, tiles, executor: Executor, height: int, rays: int, progress) -> Image:
+        picture = Rows(height)
+        with Bar("render", rays) if progress is True else nullcontext(progress or None) as report:
+            step = None if report is None else lambda done: report(done, rays)
+            work(executor, recipe_of(self), tiles, picture.put, step, self)
+        return Image(picture.arrays)
 
     def framing_camera(self) -> Camera:
         """A camera that sees all bounded shapes."""
@@ -320,7 +392,7 @@ class Tracer:
         return run
 
     def _render_fields(self, camera, width, height, names, rows) -> dict[str, np.ndarray]:
-        origins, directions = (part[rows[0] : rows[0] + rows[1]] for part in camera.rays(width, height))
+        origins, directions = camera.rays(width, height, rows)
         arrays: dict[str, np.ndarray] = {}
         if "albedo" in names:
             arrays |= self._albedo(self._rays(origins, directions, 0.0, math.inf))

@@ -48,11 +48,12 @@ class View:
         return right, np.cross(right, forward), forward
 
 
-def pixel_centers(width: int, height: int) -> tuple[np.ndarray, np.ndarray]:
-    """(columns, rows), each (height, width, 1) float64."""
+def pixel_centers(width: int, height: int, rows: tuple[int, int] | None = None) -> tuple[np.ndarray, np.ndarray]:
+    """(columns, rows), each (height, width, 1) float64, or of as many rows as (first, count) says."""
     width, height = checks.integer(width, "width"), checks.integer(height, "height")
-    columns, rows = np.meshgrid(np.arange(width) + 0.5, np.arange(height) + 0.5)
-    return columns[..., None], rows[..., None]
+    first, count = rows or (0, height)
+    across, down = np.meshgrid(np.arange(width) + 0.5, np.arange(first, first + count) + 0.5)
+    return across[..., None], down[..., None]
 
 
 def filled_struct(projection: Projection, width: int, height: int, **fields):

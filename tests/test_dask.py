@@ -1,0 +1,209 @@
+"""Work on a Dask cluster: real schedulers and workers, each a process, on loopback."""
+
+import os
+import signal
+import socket
+import subprocess
+import sys
+import time
+from contextlib import contextmanager
+
+import numpy as np
+import pytest
+import ready
+from test_cli import CFG, run
+from test_farm import OPTIONS, SIZE, images_agree, small_tiles  # noqa: F401
+
+import warprt as rt
+from warprt import cluster
+
+distributed = pytest.importorskip("distributed")
+pytestmark = [pytest.mark.filterwarnings("default"), pytest.mark.xdist_group("dask")]  # Dask warns as it likes
+
+
+class Cluster:
+    """A scheduler and workers."""
+
+    def __init__(self):
+        with socket.socket() as free:
+            free.bind(("127.0.0.1", 0))
+            self.port = free.getsockname()[1]
+        self.address = f"tcp://127.0.0.1:{self.port}"
+        self.scheduler = None
+        self.workers = []
+
+    def start_scheduler(self):
+        self.scheduler = self._start("scheduler", "--host", "127.0.0.1", "--port", str(self.port), "--no-dashboard")
+
+    def add_worker(self, **variables):
+        options = ("--nthreads", "1", "--no-nanny", "--no-dashboard", "--host", "127.0.0.1")
+        self.workers.append(self._start("worker", self.address, *options, WARPRT_THREADS="1", **variables))
+
+    def _start(self, *arguments, **variables):
+        command = [sys.executable, "-m", "distributed.cli.dask_" + arguments[0], *arguments[1:]]
+        path = os.pathsep.join(sys.path)
+        environment = {**os.environ, "PYTHONPATH": path, **variables}
+        return subprocess.Popen(command, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+
+    def kill(self, process):
+        os.kill(process.pid, signal.SIGKILL)
+        process.wait()
+
+    def close(self):
+        for process in [*self.workers, self.scheduler]:
+            if process.poll() is None:
+                self.kill(process)
+
+
+@contextmanager
+def started():
+    machines = Cluster()
+    try:
+        machines.start_scheduler()
+        machines.add_worker()
+        machines.add_worker()
+        yield machines
+    finally:
+        machines.close()
+
+
+@pytest.fixture
+def machines():
+    """Two workers, to be killed."""
+    with started() as machines:
+        yield machines
+
+
+@pytest.fixture(scope="module")
+def client():
+    """Of two workers that stay."""
+    with started() as machines, cluster.connect(machines.address) as client:
+        client.wait_for_workers(2, timeout=120)
+        yield client
+
+
+@pytest.fixture(scope="module")
+def scene():
+    return ready.load("sphereflake")
+
+
+@pytest.mark.usefixtures("small_tiles")
+def test_pictures_and_rays_are_the_same_bits_and_the_scene_travels_once(scene, client, rng):
+    tracer = rt.Tracer(scene, device="cpu")
+    executor = client.get_executor()
+    images_agree(tracer.render(**OPTIONS), tracer.render(**OPTIONS, executor=executor))
+    origins, directions = rng.normal(size=(1000, 3)) * 5, rng.normal(size=(1000, 3))
+    hits, shared = (tracer.cast(origins, directions, executor=e) for e in (None, executor))
+    for name in rt.hits.FIELDS:
+        np.testing.assert_array_equal(getattr(shared, name), getattr(hits, name))
+    # Two pieces of work, one scene: unpacked at most once by each worker, and brought to each once.
+    made = client.run(lambda: len(sys.modules["warprt.parcel"]._tracers))
+    assert max(made.values()) == 1
+    # Results do not stay there.
+    for _ in range(100):
+        kept = client.run(lambda dask_worker: [type(value).__name__ for value in dask_worker.data.values()])
+        if list(kept.values()) == [["Parcel"], ["Parcel"]]:
+            break
+        time.sleep(0.1)
+    else:
+        raise AssertionError(kept)
+    (where,) = client.who_has([cluster._scattered[client][1]]).values()
+    assert len(where) == 2
+
+
+@pytest.mark.usefixtures("small_tiles")
+def test_workers_that_are_killed_lose_nothing(scene, machines):
+    tracer = rt.Tracer(scene, device="cpu")
+    whole = tracer.render(**OPTIONS)
+    killed = []
+    client = cluster.connect(machines.address)
+    client.wait_for_workers(2, timeout=120)
+
+    def kill(*_):
+        if len(killed) < 2:
+            # One of those that compute, and then the other one, each when a new one has come.
+            victim = machines.workers[len(killed)]
+            machines.add_worker()
+            client.wait_for_workers(3, timeout=120)
+            machines.kill(victim)
+            killed.append(victim)
+
+    with client:
+        images_agree(whole, tracer.render(**OPTIONS, executor=client.get_executor(), progress=kill))
+    assert len(killed) == 2
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    (tmp_path / "ball.cfg").write_text(CFG)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+RENDER = ("render", "ball.cfg", "--size", "40x30", "--device", "cpu", "--tile", "160")
+
+
+def test_lost_scheduler_is_said_and_the_same_command_goes_on(folder, machines, monkeypatch, capfd):
+    monkeypatch.setattr(cluster, "PATIENCE", 60.0)
+    assert run(*RENDER, "-o", "whole.png") == 0
+    command = (*RENDER, "-o", "cut.png", "--scheduler", machines.address)
+    put, count = rt.store.Store.put, []
+
+    def put_and_kill(store, *result):
+        put(store, *result)
+        count.append(1)
+        if len(count) == 7:
+            monkeypatch.setattr(cluster, "PATIENCE", 2.0)
+            machines.kill(machines.scheduler)
+
+    monkeypatch.setattr(rt.store.Store, "put", put_and_kill)
+    capfd.readouterr()
+    assert run(*command) == 2
+    err = capfd.readouterr().err.strip().splitlines()[-1]
+    assert machines.address in err
+    assert "of 30 rows are kept in cut.tiles, and the same command goes on" in err
+    assert not (folder / "cut.png").exists()
+    monkeypatch.setattr(cluster, "PATIENCE", 60.0)
+    machines.start_scheduler()
+    machines.add_worker()
+    assert run(*command) == 0
+    captured = capfd.readouterr()
+    assert "goes on, " in captured.err
+    assert "retries" in captured.out
+    assert len(count) <= 30 + 4
+    assert (folder / "cut.png").read_bytes() == (folder / "whole.png").read_bytes()
+    assert not (folder / "cut.tiles").exists()
+
+
+def test_scheduler_that_is_not_there_is_said(folder, monkeypatch, capfd):
+    monkeypatch.setattr(cluster, "PATIENCE", 0.5)
+    assert run(*RENDER, "--scheduler", "tcp://127.0.0.1:9") == 2
+    (line,) = capfd.readouterr().err.strip().splitlines()[-1:]
+    assert line.startswith("warprt: no Dask scheduler answers at tcp://127.0.0.1:9 within 0.5 s")
+
+
+def test_missing_dask_is_said(folder, monkeypatch, capfd):
+    monkeypatch.setattr(cluster.importlib.util, "find_spec", lambda name: None)
+    assert run(*RENDER, "--scheduler", "tcp://127.0.0.1:9") == 2
+    assert "pip install 'warprt[distributed]'" in capfd.readouterr().err
+
+
+def test_workers_of_another_version_and_without_a_gpu_are_named(client, monkeypatch):
+    with pytest.raises(ValueError, match=r"no worker has a CUDA device; there is tcp://.*, tcp://"):
+        cluster.kind(client, "cuda")
+    assert cluster.kind(client, None) == "cpu"
+    monkeypatch.setattr(cluster, "__version__", "9.9")
+    with pytest.raises(ValueError, match=r"worker tcp://\S+ has warprt \S+, but the work is of warprt 9\.9"):
+        cluster.require_workers(client)
+
+
+def test_worker_without_warprt_is_named():
+    class Client:
+        def wait_for_workers(self, *_, **__):
+            pass
+
+        def run(self, _):
+            return {"tcp://a:1": {"warprt": None, "warp": None}}
+
+    with pytest.raises(ValueError, match=r"worker tcp://a:1 has no warprt, but the work is of warprt"):
+        cluster.require_workers(Client())

@@ -1,0 +1,317 @@
+"""What is kept on a disk of work that is not done, and work on more than memory holds."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+import ready
+from test_cli import CFG, ROOT, run
+
+import warprt as rt
+from warprt import farm, tiff, tiled_rendering
+from warprt.store import Store
+from warprt.tiles import RayTile
+
+RENDER = ("render", "ball.cfg", "--size", "40x30", "--device", "cpu", "--workers", "2", "--tile", "800")
+
+
+def tile(first, count):
+    return RayTile(first, count, "cast", None, None, ())
+
+
+def filled(folder, rng):
+    store = Store(folder, 10)
+    assert store.begin({"scene": "a", "size": 3}) == []
+    arrays = {"t": rng.uniform(size=(10, 3)), "hit": rng.uniform(size=10) < 0.5}
+    for first, count in ((6, 4), (0, 2), (2, 4)):
+        store.put(tile(first, count), {name: values[first : first + count] for name, values in arrays.items()})
+    return arrays
+
+
+def test_rows_come_back_in_any_process(tmp_path, rng):
+    arrays = filled(tmp_path / "s", rng)
+    store = Store(tmp_path / "s", 10)
+    assert store.begin({"scene": "a", "size": 3}) == []
+    assert store.done == {6: 4, 0: 2, 2: 4}
+    assert store.has(tile(6, 4))
+    assert not store.has(tile(6, 3))
+    for name, values in arrays.items():
+        np.testing.assert_array_equal(store.rows(1, 7)[name], values[1:8])
+        np.testing.assert_array_equal(np.load(tmp_path / "s" / f"{name}.npy"), values)
+    store.finish()
+    assert sorted(path.name for path in (tmp_path / "s").iterdir()) == ["hit.npy", "t.npy"]
+
+
+def test_other_terms_are_named_and_nothing_is_taken(tmp_path, rng):
+    filled(tmp_path / "s", rng)
+    store = Store(tmp_path / "s", 10)
+    assert store.begin({"scene": "b", "samples": 1, "size": 3}) == ["samples", "scene"]
+    assert store.done == {}
+    store.remove()
+    assert not (tmp_path / "s").exists()
+    (tmp_path / "s").mkdir()
+    (tmp_path / "s" / "thesis.txt").write_text("")
+    with pytest.raises(ValueError, match="exists already, and is not of unfinished work"):
+        store.begin({})
+
+
+def test_what_was_half_written_or_spoilt_is_done_again(tmp_path, rng):
+    filled(tmp_path / "s", rng)
+    journal = tmp_path / "s" / "journal.txt"
+    lines = journal.read_text().splitlines(keepends=True)
+    journal.write_text("".join(lines[:2]) + lines[2][:20])
+    array = np.load(tmp_path / "s" / "t.npy", mmap_mode="r+")
+    array[7] += 1
+    array.flush()
+    store = Store(tmp_path / "s", 10)
+    assert store.begin({"scene": "a", "size": 3}) == []
+    assert store.done == {0: 2}
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    (tmp_path / "ball.cfg").write_text(CFG)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@pytest.fixture
+def in_process(monkeypatch):
+    """Without processes, which take seconds to start: for tests of what is kept, not of who makes it."""
+    monkeypatch.setattr(tiled_rendering, "WorkerPool", lambda *_: farm.InProcess())
+
+
+@pytest.mark.usefixtures("in_process")
+def test_command_with_workers_writes_the_same_files(folder, capfd):
+    plain = RENDER[: RENDER.index("--workers")]
+    for options in ((), ("--outputs", "color,depth,samples"), ("--turntable", "2", "-o", "w.gif")):
+        assert run(*plain, "-o", "whole.png", *(o.replace("w.gif", "whole.gif") for o in options)) == 0
+        assert run(*RENDER, "-o", "w.png", *options) == 0
+        assert "by 1 workers, 0 retries" in capfd.readouterr().out
+    names = {path.name for path in folder.iterdir()} - {"ball.cfg"}
+    whole = {name for name in names if name.startswith("whole")}
+    assert {name.replace("whole", "w") for name in whole} == names - whole
+    for name in whole:
+        if not name.endswith("npz"):
+            assert (folder / name).read_bytes() == (folder / name.replace("whole", "w")).read_bytes(), name
+    with np.load("whole.npz") as one, np.load("w.npz") as other:
+        for name in one:
+            np.testing.assert_array_equal(one[name], other[name])
+
+
+def interrupt(monkeypatch, error, calls):
+    """An error in the midst of the work, once."""
+    put, left = Store.put, [calls]
+
+    def putting(store, *result):
+        left[0] -= 1
+        if left[0] == -1:
+            raise error
+        put(store, *result)
+
+    monkeypatch.setattr(Store, "put", putting)
+    return left
+
+
+@pytest.mark.parametrize(
+    ("error", "status", "words"),
+    [
+        (KeyboardInterrupt(), 130, "interrupted; 15 of 30 rows are kept in ball.tiles, and the same command goes on"),
+        (OSError(28, "No space left on device"), 2, "No space left on device; 15 of 30 rows are kept in ball.tiles"),
+    ],
+)
+@pytest.mark.usefixtures("in_process")
+def test_same_command_goes_on(folder, monkeypatch, capfd, error, status, words):
+    assert run(*RENDER, "-o", "whole.png") == 0
+    interrupt(monkeypatch, error, 3)
+    assert run(*RENDER) == status
+    assert words in capfd.readouterr().err.strip().splitlines()[-1]
+    left = interrupt(monkeypatch, None, 1000)
+    assert run(*RENDER) == 0
+    assert left[0] == 1000 - 3
+    assert "goes on, 15 of 30 rows are in ball.tiles" in capfd.readouterr().err
+    assert (folder / "ball.png").read_bytes() == (folder / "whole.png").read_bytes()
+    assert not (folder / "ball.tiles").exists()
+
+
+@pytest.mark.usefixtures("in_process")
+def test_changed_scene_is_noticed_not_mixed(folder, monkeypatch, capfd):
+    interrupt(monkeypatch, KeyboardInterrupt(), 3)
+    assert run(*RENDER) == 130
+    (folder / "ball.cfg").write_text(CFG.replace("sphere { }", "sphere { radius = 1.5; }"))
+    assert run(*RENDER, "--resume") == 2
+    assert "ball.tiles was begun with another scene; leave out --resume" in capfd.readouterr().err
+    assert run(*RENDER) == 0
+    assert "ball.tiles was begun with another scene; begins anew" in capfd.readouterr().err
+    assert run(*RENDER, "-o", "whole.png") == 0
+    assert (folder / "ball.png").read_bytes() == (folder / "whole.png").read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (("--scheduler", "tcp://x:1"), "leave out one"),
+        (("--tile", "0.5"), "tile must be an integer"),
+        (("--workers", "-1"), "workers must be an integer"),
+    ],
+)
+def test_mistakes_are_one_line(folder, capfd, options, words):
+    assert run(*RENDER, *options) == 2
+    (line,) = capfd.readouterr().err.strip().splitlines()
+    assert words in line
+
+
+def test_command_whose_process_is_killed_goes_on(folder):
+    """By the system, without a word of warning."""
+    command = [sys.executable, "-m", "warprt", *RENDER, "--samples", "64", "--tile", "2560"]
+    environment = {**os.environ, "PYTHONPATH": ROOT}
+    assert run(*command[3:], "-o", "whole.png") == 0
+    process = subprocess.Popen(command, cwd=folder, env=environment, start_new_session=True)
+    journal = folder / "ball.tiles" / "journal.txt"
+    while not journal.is_file() and process.poll() is None:
+        time.sleep(0.01)
+    os.kill(process.pid, signal.SIGKILL)
+    process.wait()
+    with pytest.raises(ProcessLookupError):
+        # Its workers end too.
+        for _ in range(600):
+            os.killpg(process.pid, 0)
+            time.sleep(0.1)
+    assert journal.read_text()
+    assert not (folder / "ball.png").exists()
+    assert run(*command[3:]) == 0
+    assert (folder / "ball.png").read_bytes() == (folder / "whole.png").read_bytes()
+
+
+@pytest.mark.usefixtures("in_process")
+def test_large_tiff_is_the_same_picture(folder, monkeypatch, capfd):
+    tifffile = pytest.importorskip("tifffile")
+    assert run(*RENDER, "-o", "small.png", "--size", "600x300") == 0
+    monkeypatch.setattr(tiff, "LARGE", 600 * 300)
+    assert run("render", "ball.cfg", "--size", "600x300", "--device", "cpu", "-o", "large.tif") == 0
+    import PIL.Image
+
+    with PIL.Image.open("small.png") as small, tifffile.TiffFile("large.tif") as large:
+        assert large.pages[0].is_tiled
+        np.testing.assert_array_equal(large.asarray(), np.asarray(small))
+    assert run("render", "ball.cfg", "--size", "600x300", "-o", "large.tif", "--outputs", "depth") == 2
+    assert "holds colour only; got --outputs depth" in capfd.readouterr().err
+    monkeypatch.setattr(tiff.importlib.util, "find_spec", lambda name: None)
+    assert run("render", "ball.cfg", "--size", "600x300", "-o", "large.tif") == 2
+    assert "pip install 'warprt[tiff]'" in capfd.readouterr().err
+
+
+@pytest.fixture(scope="module")
+def tracer():
+    return rt.Tracer(ready.load("sphereflake"), device="cpu")
+
+
+@pytest.fixture
+def rays(rng):
+    return rng.normal(size=(5000, 6)).astype(np.float32) * 3
+
+
+@pytest.mark.parametrize("query", ["cast", "occluded", "count"])
+def test_rays_of_a_file_get_the_same_bits(tmp_path, tracer, rays, query):
+    np.save(tmp_path / "rays.npy", rays)
+    done = []
+    summary = rt.cast_file(
+        tracer, tmp_path / "rays.npy", tmp_path / "hits", query, tile=700, progress=lambda *counts: done.append(counts)
+    )
+    assert summary.tiles.total() == 8
+    assert done[-1] == (5000, 5000)
+    whole = getattr(tracer, query)(rays[:, :3], rays[:, 3:])
+    expected = {name: getattr(whole, name) for name in rt.hits.FIELDS} if query == "cast" else {query: whole}
+    assert {path.stem for path in (tmp_path / "hits").iterdir()} == set(expected)
+    for name, values in expected.items():
+        np.testing.assert_array_equal(np.load(tmp_path / "hits" / f"{name}.npy"), values)
+
+
+def test_rays_go_on_where_they_were_cut_off(tmp_path, tracer, rays, monkeypatch):
+    path, folder = tmp_path / "rays.npy", tmp_path / "hits"
+    np.save(path, rays)
+    interrupt(monkeypatch, OSError(28, "No space left on device"), 3)
+    with pytest.raises(OSError, match="No space left"):
+        rt.cast_file(tracer, path, folder, outputs="t", tile=700)
+    with pytest.raises(ValueError, match="begun with another outputs: remove it"):
+        rt.cast_file(tracer, path, folder, outputs="hit", tile=700)
+    with rt.WorkerPool(1) as pool:
+        summary = rt.cast_file(tracer, path, folder, outputs="t", tile=700, executor=pool)
+    assert summary.tiles.total() == 5
+    np.testing.assert_array_equal(np.load(folder / "t.npy"), tracer.cast(rays[:, :3], rays[:, 3:], outputs="t").t)
+    with pytest.raises(ValueError, match="exists already"):
+        rt.cast_file(tracer, path, folder, outputs="t")
+
+
+def test_rays_of_other_kinds(tmp_path, tracer, rays):
+    class Sliced:
+        """Like an array of Zarr: it is read by slices."""
+
+        shape, dtype = rays.shape, rays.dtype
+
+        def __getitem__(self, rows):
+            asked.append(rows)
+            return rays[rows]
+
+    asked = []
+
+    rt.cast_file(tracer, Sliced(), tmp_path / "a", "count", tile=2000)
+    assert asked == [slice(0, 2000), slice(2000, 4000), slice(4000, 5000)]
+    np.save(tmp_path / "bad.npy", rays[:, :5])
+    for bad, words in ((tmp_path / "bad.npy", r"shape \(n, 6\); got float32 \(5000, 5\)"), ([[1, 2]], "got None None")):
+        with pytest.raises(ValueError, match=words):
+            rt.cast_file(tracer, bad, tmp_path / "b")
+    with pytest.raises(FileNotFoundError):
+        rt.cast_file(tracer, tmp_path / "none.npy", tmp_path / "b")
+    with pytest.raises(ValueError, match="query must be one of cast, occluded, count; got 'walk'"):
+        rt.cast_file(tracer, rays, tmp_path / "b", "walk")
+
+
+MEMORY = """
+import resource, sys
+import numpy as np, warprt as rt
+from warprt.quiet import start_warp
+
+start_warp()
+tracer = rt.Tracer(rt.Scene([rt.Sphere()]), device="cpu", threads=1)
+rays = np.lib.format.open_memmap("rays.npy", "w+", np.float32, (int(sys.argv[1]), 6))
+rays[:1] = (0, 0, 5, 0, 0, -1)
+del rays
+rt.cast_file(tracer, "rays.npy", "small", "occluded", tile=1 << 16)
+"""
+
+
+def test_memory_does_not_grow_with_the_rays(tmp_path):
+    """24 bytes each: forty times as many rays are 38 MB more to read."""
+
+    def peak(count):
+        folder = tmp_path / str(count)
+        folder.mkdir()
+        program = MEMORY + "print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)"
+        environment = {**os.environ, "PYTHONPATH": ROOT}
+        command = [sys.executable, "-c", program, str(count)]
+        done = subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True)
+        assert done.returncode == 0, done.stderr
+        return int(done.stdout) * 1024
+
+    few, many = peak(1 << 17), peak(40 << 16)
+    assert Path(tmp_path / str(40 << 16) / "rays.npy").stat().st_size > 60e6
+    assert many - few < 20e6
+
+
+def test_summary_says_who_did_what():
+    summary = farm.Summary(retries=1)
+    for worker, count in (("b", 2), ("a", 1)):
+        for k in range(count):
+            summary.add(tile(k, 10), farm.Done({}, worker, 0.5, k == 0))
+    assert str(summary).splitlines() == [
+        "a: 1 tiles in 0.50 s of work, scene unpacked 1 x",
+        "b: 2 tiles in 1.00 s of work, scene unpacked 1 x",
+        "3 tiles by 2 workers, 1 retry",
+    ]
+    assert summary.rays == 30

@@ -1,0 +1,235 @@
+"""Tiles handed to workers, a few at a time, again if a worker is lost, and their results taken as they come."""
+
+import os
+import tempfile
+import time
+from collections import Counter
+from collections.abc import Callable, Iterable
+from concurrent.futures import (
+    FIRST_COMPLETED,
+    BrokenExecutor,
+    CancelledError,
+    Executor,
+    Future,
+    ProcessPoolExecutor,
+    ThreadPoolExecutor,
+    wait,
+)
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from . import place
+from .parcel import Parcel, Recipe, at_hand, lock, parcel_of
+from .tiles import Arrays, PictureTile, RayTile
+
+if TYPE_CHECKING:
+    from .tracer import Tracer
+
+Tile = PictureTile | RayTile
+TRIES = 4
+"""Of a tile: so often may a worker be lost under it, or fail in a way that is not the tile's fault."""
+IN_FLIGHT = 2
+"""Tiles for each worker: one at work, one waiting, so that results never pile up."""
+OUR_FAULT = (ValueError, TypeError, ImportError, MemoryError)
+"""Errors that another try would only repeat."""
+
+
+class TileError(OSError):
+    """A tile failed on every try, or no worker is left."""
+
+
+@dataclass(frozen=True)
+class Done:
+    """What a worker sends back."""
+
+    arrays: Arrays
+    worker: str
+    seconds: float
+    is_new: bool
+    """Whether the worker had to unpack the scene for it."""
+
+
+@dataclass
+class Summary:
+    """Who did what."""
+
+    seconds: float = 0.0
+    rays: int = 0
+    tiles: Counter = field(default_factory=Counter)
+    """Finished tiles by worker."""
+    busy: Counter = field(default_factory=Counter)
+    """Seconds at work by worker."""
+    scenes: Counter = field(default_factory=Counter)
+    """How often a worker unpacked the scene."""
+    retries: int = 0
+    """Tiles that were handed out again."""
+
+    def add(self, tile: Tile, done: Done) -> None:
+        """Counts a finished tile."""
+        self.rays += tile.rays
+        self.tiles[done.worker] += 1
+        self.busy[done.worker] += done.seconds
+        self.scenes[done.worker] += done.is_new
+
+    def __str__(self) -> str:
+        lines = [
+            f"{worker}: {count} tiles in {self.busy[worker]:.2f} s of work, scene unpacked {self.scenes[worker]} x"
+            for worker, count in sorted(self.tiles.items())
+        ]
+        again = "1 retry" if self.retries == 1 else f"{self.retries} retries"
+        return "\n".join([*lines, f"{self.tiles.total()} tiles by {len(self.tiles)} workers, {again}"])
+
+
+class InProcess(Executor):
+    """Does the work at once, here."""
+
+    def submit(self, function, /, *arguments, **options) -> Future:
+        """A future that is done."""
+        future: Future = Future()
+        try:
+            future.set_result(function(*arguments, **options))
+        except Exception as error:
+            future.set_exception(error)
+        return future
+
+
+def run_tile(parcel: Parcel, tile: Tile) -> Done:
+    """One tile, in a worker. Its result depends on the recipe and the tile alone."""
+    with lock:
+        tracer, is_new = parcel.tracer()
+        started = time.perf_counter()
+        arrays = tile.run(tracer)
+        return Done(arrays, place.name(), time.perf_counter() - started, is_new)
+
+
+def work(
+    executor: Executor,
+    recipe: Recipe,
+    tiles: Iterable[Tile],
+    put: Callable[[Tile, Arrays], None],
+    progress: Callable[[int], None] | None = None,
+    tracer: "Tracer | None" = None,
+) -> Summary:
+    """Does all tiles; put(tile, arrays) takes each result, in whatever order they come. progress(rays done).
+
+    tracer: one of that recipe, for tiles that are done within this process. Raises ValueError for an executor of
+    forked processes and for what a tile itself raises, TileError for a tile that failed on every try, and what `put`
+    raises; what was put stays put.
+    """
+    require_executor(executor)
+    summary, started = Summary(), time.perf_counter()
+    with _delivered(executor, parcel_of(recipe, tracer.budget if tracer else 1 << 30), recipe, tracer) as delivery:
+        flights = _Flights(delivery, iter(tiles), summary)
+        try:
+            for tile, done in flights:
+                put(tile, done.arrays)
+                summary.add(tile, done)
+                if progress is not None:
+                    progress(summary.rays)
+        finally:
+            flights.cancel()
+    summary.seconds = time.perf_counter() - started
+    return summary
+
+
+class _Flights:
+    """Tiles on their way. Going through it gives (tile, what came back)."""
+
+    def __init__(self, delivery, tiles, summary: Summary):
+        self._delivery = delivery
+        self._tiles = tiles
+        self._summary = summary
+        self._flying: dict[Future, tuple[Tile, int]] = {}
+
+    def __iter__(self):
+        self._fill()
+        while self._flying:
+            landed, _ = wait(self._flying, return_when=FIRST_COMPLETED)
+            while landed:
+                future = landed.pop()
+                tile, tries = self._flying.pop(future)
+                done = self._result(future, tile, tries)
+                self._fill()
+                if done is not None:
+                    yield tile, done
+
+    def _fill(self) -> None:
+        while len(self._flying) < IN_FLIGHT * self._delivery.workers():
+            tile = next(self._tiles, None)
+            if tile is None:
+                return
+            self._submit(tile, 1)
+
+    def _submit(self, tile: Tile, tries: int) -> None:
+        self._flying[self._delivery.submit(tile)] = tile, tries
+
+    def _result(self, future: Future, tile: Tile, tries: int) -> Done | None:
+        """What came back; None if the tile had to be handed out again."""
+        try:
+            return future.result()
+        except OUR_FAULT:
+            raise
+        except (Exception, CancelledError) as error:
+            if tries == TRIES:
+                raise TileError(
+                    f"rows {tile.first} .. {tile.first + tile.count - 1} failed {tries} times: {_said(error)}"
+                ) from error
+            self._delivery.mend(error)
+            self._summary.retries += 1
+            self._submit(tile, tries + 1)
+            return None
+
+    def cancel(self) -> None:
+        """Gives up what is not done."""
+        for future in self._flying:
+            future.cancel()
+
+
+class _Here:
+    """Tiles for an executor that runs them in this process, or whose processes read files of this machine."""
+
+    def __init__(self, executor: Executor, parcel: Parcel):
+        self._executor = executor
+        self._parcel = parcel
+
+    def workers(self) -> int:
+        return 1 if isinstance(self._executor, InProcess) else getattr(self._executor, "_max_workers", os.cpu_count())
+
+    def submit(self, tile: Tile) -> Future:
+        try:
+            return self._executor.submit(run_tile, self._parcel, tile)
+        except BrokenExecutor as error:
+            raise TileError(f"the executor is broken, {_said(error)}: warprt.WorkerPool mends itself") from error
+
+    def mend(self, error: BaseException) -> None:
+        """Nothing that is ours to mend."""
+
+
+@contextmanager
+def _delivered(executor: Executor, parcel: Parcel, recipe: Recipe, tracer: "Tracer | None"):
+    """Brings the recipe to where the executor's workers find it."""
+    if type(executor).__module__.startswith("distributed."):
+        from .cluster import DaskDelivery
+
+        yield DaskDelivery(executor, parcel, recipe)
+        return
+    with at_hand(parcel.key, tracer), tempfile.TemporaryDirectory(prefix="warprt-") as folder:
+        is_here = isinstance(executor, (ThreadPoolExecutor, InProcess)) and tracer is not None
+        yield _Here(executor, parcel if is_here else parcel.in_file(Path(folder, "scene"), recipe))
+
+
+def require_executor(executor: Executor) -> None:
+    """Raises ValueError for what is none, and for forked processes, in which Warp and its threads do not work."""
+    if not (hasattr(executor, "submit") and callable(executor.submit)):
+        raise ValueError(f"executor must be a concurrent.futures.Executor; got {type(executor).__name__}")
+    if isinstance(executor, ProcessPoolExecutor) and executor._mp_context.get_start_method() == "fork":
+        raise ValueError(
+            "executor forks its processes, which Warp does not survive: use warprt.WorkerPool(), or "
+            "ProcessPoolExecutor(mp_context=multiprocessing.get_context('spawn'))"
+        )
+
+
+def _said(error: BaseException) -> str:
+    return " ".join(f"{type(error).__name__}: {error}".split()).removesuffix(": ")

@@ -1,0 +1,134 @@
+"""What a worker needs to make a tracer: scene and settings, known by their contents, unpacked once in each process."""
+
+import pickle
+import threading
+from collections import OrderedDict
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+import warp as wp
+
+from . import place
+from ._version import __version__
+from .digest import digest
+from .files import write_whole
+from .quiet import start_warp
+from .scene import Scene
+
+if TYPE_CHECKING:
+    from .tracer import Tracer
+
+MOST_TRACERS = 2
+"""Kept in a process: a series of pictures has one scene, and when it ends another may begin."""
+
+lock = threading.RLock()
+"""Held while a tracer is made or used: Warp takes launches from one thread at a time."""
+_tracers: "OrderedDict[str, Tracer]" = OrderedDict()
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """What the results of a tracer depend on."""
+
+    scene: Scene
+    accuracy: str
+    accelerator: str
+    device: str
+    """The kind, "cpu" or "cuda": their results may differ in last digits, so workers are all of one kind."""
+    moved: tuple = ()
+    """(first instance, matrices) of what was moved since the scene was described."""
+
+
+@dataclass(frozen=True)
+class Parcel:
+    """A recipe on its way: it holds the recipe pickled, or the path of a file of it, or, in one process, neither."""
+
+    key: str
+    """Hash of the recipe: equal for equal contents."""
+    device: str
+    budget: int
+    contents: np.ndarray | Path | None = field(default=None, repr=False)
+    versions: tuple[tuple[str, str], ...] = (("warprt", __version__), ("warp", wp.__version__))
+
+    def packed(self, recipe: Recipe) -> "Parcel":
+        """With the recipe inside, as bytes."""
+        pickled = pickle.dumps(recipe, protocol=5)
+        return replace(self, contents=np.frombuffer(pickled, np.uint8))
+
+    def in_file(self, path: Path, recipe: Recipe) -> "Parcel":
+        """With the recipe in a file, which workers that see it read for themselves."""
+        pickled = pickle.dumps(recipe, protocol=5)
+        write_whole(path, lambda file: file.write(pickled))
+        return replace(self, contents=path)
+
+    def tracer(self) -> tuple["Tracer", bool]:
+        """The tracer, and whether it had to be made. Hold `lock`.
+
+        Raises ValueError for other versions than here or no such device, and if the file is not seen.
+        """
+        if self.key in _tracers:
+            _tracers.move_to_end(self.key)
+            return _tracers[self.key], False
+        self._require_versions()
+        if place.is_apart():
+            start_warp()
+        recipe, device = self._recipe(), place.device(self.device)
+        _tracers[self.key] = tracer = make_tracer(recipe, device, self.budget)
+        while len(_tracers) > MOST_TRACERS:
+            _tracers.popitem(last=False)
+        return tracer, True
+
+    def _require_versions(self) -> None:
+        here = {"warprt": __version__, "warp": wp.__version__}
+        for name, version in self.versions:
+            if here[name] != version:
+                raise ValueError(f"worker {place.name()} has {name} {here[name]}, but the work is of {name} {version}")
+
+    def _recipe(self) -> Recipe:
+        if isinstance(self.contents, Path):
+            try:
+                return pickle.loads(self.contents.read_bytes())
+            except FileNotFoundError:
+                raise ValueError(
+                    f"worker {place.name()} does not see {self.contents}, the scene: it must share this machine's files"
+                ) from None
+        return pickle.loads(self.contents)
+
+
+def recipe_of(tracer: "Tracer") -> Recipe:
+    """By which another process makes the same tracer, for the scene as it now is."""
+    return Recipe(tracer.scene, tracer.accuracy, tracer.accelerator, tracer.kind, tracer.moved())
+
+
+def parcel_of(recipe: Recipe, budget: int = 1 << 30) -> Parcel:
+    """The parcel of a recipe, empty still."""
+    return Parcel(digest(recipe), recipe.device, budget)
+
+
+def make_tracer(recipe: Recipe, device, budget: int) -> "Tracer":
+    """Follows a recipe."""
+    from .tracer import Tracer
+
+    tracer = Tracer(recipe.scene, recipe.accuracy, device, recipe.accelerator, place.threads(), budget)
+    for first, matrices in recipe.moved:
+        tracer.set_transforms(first, matrices)
+    return tracer
+
+
+@contextmanager
+def at_hand(key: str, tracer: "Tracer | None"):
+    """Within this process, that tracer serves, as it is, for parcels of that key."""
+    if tracer is None:
+        yield
+        return
+    with lock:
+        _tracers[key] = tracer
+    try:
+        yield
+    finally:
+        with lock:
+            # It belongs to the caller, who may move things.
+            _tracers.pop(key, None)

@@ -1,0 +1,78 @@
+"""Processes of this machine as workers."""
+
+import multiprocessing
+import os
+import signal
+import threading
+from concurrent.futures import BrokenExecutor, Executor, Future, ProcessPoolExecutor
+
+import warp as wp
+
+from . import checks
+from .launch import default_threads
+from .quiet import start_warp
+
+
+class WorkerPool(Executor):
+    """Processes of this machine, spawned, not forked; all are started anew when one is lost.
+
+    workers: how many; by default one for each CUDA device, or for each core where there is none. threads: CPU threads
+    of each; by default the cores are shared out. With several CUDA devices the workers take turns: worker k has device
+    k modulo their number.
+
+    For `executor=`; its tiles find the scene in a file. As with all spawned processes, a script that makes one needs
+    `if __name__ == "__main__":` around what it does. Raises ValueError for counts that are not integers of at least 1.
+    """
+
+    def __init__(self, workers: int | None = None, threads: int | None = None):
+        devices = wp.get_cuda_device_count()
+        cores = default_threads()
+        self._max_workers = checks.integer(devices or cores if workers is None else workers, "workers", 1, 4096)
+        self._threads = max(1, cores // self._max_workers) if threads is None else checks.integer(threads, "threads")
+        self._devices = devices
+        self._pool: ProcessPoolExecutor | None = None
+
+    def submit(self, function, /, *arguments, **options) -> Future:
+        """As of any executor, but a pool that has lost a process is replaced first."""
+        try:
+            return self._running().submit(function, *arguments, **options)
+        except BrokenExecutor:
+            self._pool.shutdown(wait=False, cancel_futures=True)
+            self._pool = None
+            return self._running().submit(function, *arguments, **options)
+
+    def processes(self) -> list[int]:
+        """Ids of the processes that run now."""
+        return [] if self._pool is None else list(self._pool._processes or ())
+
+    def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
+        """Ends the processes."""
+        if self._pool is not None:
+            self._pool.shutdown(wait, cancel_futures=cancel_futures)
+            self._pool = None
+
+    def _running(self) -> ProcessPoolExecutor:
+        if self._pool is None:
+            context = multiprocessing.get_context("spawn")
+            start = (context.Value("i", 0), self._devices, self._threads)
+            self._pool = ProcessPoolExecutor(self._max_workers, context, _begin, start)
+        return self._pool
+
+
+def _begin(counter, devices: int, threads: int) -> None:
+    """In each process, first of all."""
+    with counter.get_lock():
+        number = counter.value
+        counter.value += 1
+    os.environ["WARPRT_THREADS"] = str(threads)
+    if devices:
+        os.environ["WARPRT_DEVICE"] = f"cuda:{number % devices}"
+    # Ctrl-C is for the process that hands out the work; when that is gone, so is the work.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_end_with, args=(multiprocessing.parent_process(),), daemon=True).start()
+    start_warp()
+
+
+def _end_with(parent) -> None:
+    parent.join()
+    os._exit(1)

@@ -1,0 +1,142 @@
+"""Rows of arrays in files, filled in any order, and a journal of those that are there, by which work goes on."""
+
+import json
+import os
+from hashlib import blake2b
+from pathlib import Path
+
+import numpy as np
+
+from .files import write_whole
+from .tiles import Arrays, PictureTile, RayTile
+
+JOURNAL, TERMS = "journal.txt", "terms.json"
+
+
+class Store:
+    """A folder with a .npy file for each array, of `count` rows in all.
+
+    A tile counts once its line stands in the journal: its rows, and a hash of them. Rows that a break has left half
+    written have no line, or one that does not fit, and are done again.
+    """
+
+    def __init__(self, folder: Path, count: int):
+        self.folder = folder
+        self.count = count
+        self.done: dict[int, int] = {}
+        """First row and number of rows of what is there."""
+        self._shapes: dict[str, tuple[tuple, np.dtype]] = {}
+
+    def begin(self, terms: dict) -> list[str]:
+        """Opens the folder, or makes it. What of `terms`, by name, differs if it is of other work, which is not taken.
+
+        terms: what the contents depend on. Raises ValueError for a folder that is something else, OSError when it
+        cannot be made.
+        """
+        if (self.folder / TERMS).is_file():
+            before = json.loads((self.folder / TERMS).read_text())
+            others = [name for name in sorted({*before, *terms}) if before.get(name) != terms.get(name)]
+            if not others:
+                self._read_journal()
+            return others
+        if self.folder.exists() and any(self.folder.iterdir()):
+            raise ValueError(f"{self.folder} exists already, and is not of unfinished work: remove it")
+        self.folder.mkdir(exist_ok=True)
+        write_whole(self.folder / TERMS, lambda file: file.write(json.dumps(terms).encode()))
+        return []
+
+    def _read_journal(self) -> None:
+        """Takes what it names and is there in full."""
+        if not (self.folder / JOURNAL).is_file():
+            return
+        for path in self._files():
+            array = np.load(path, mmap_mode="r")
+            self._shapes[path.stem] = array.shape[1:], array.dtype
+        for line in (self.folder / JOURNAL).read_text().splitlines():
+            try:
+                first, count, known = line.split()
+                first, count = int(first), int(count)
+            except ValueError:
+                continue  # the last line, cut off
+            if known == _hash(self.rows(first, count)):
+                self.done[first] = count
+
+    def rows(self, first: int, count: int) -> Arrays:
+        """Some rows of all arrays."""
+        return {name: self._read(name, first, count) for name in self._shapes}
+
+    def _read(self, name: str, first: int, count: int) -> np.ndarray:
+        # Read, not mapped: mapped pages would count as memory of this process.
+        shape, dtype = self._shapes[name]
+        with open(self._path(name), "rb") as file:
+            file.seek(_start(file) + first * _row_bytes(shape, dtype))
+            values = np.fromfile(file, dtype, count * int(np.prod(shape, dtype=np.int64)))
+        return values.reshape(-1, *shape)
+
+    def has(self, tile: PictureTile | RayTile) -> bool:
+        """Whether a tile is there."""
+        return self.done.get(tile.first) == tile.count
+
+    def put(self, tile: PictureTile | RayTile, arrays: Arrays) -> None:
+        """Writes the rows of a tile, then its line."""
+        for name, values in arrays.items():
+            values = np.ascontiguousarray(values)
+            path = self._path(name)
+            if name not in self._shapes:
+                self._make(path, values)
+            with open(path, "r+b") as file:
+                file.seek(_start(file) + tile.first * _row_bytes(values.shape[1:], values.dtype))
+                file.write(values.data)
+        with open(self.folder / JOURNAL, "a") as file:
+            file.write(f"{tile.first} {tile.count} {_hash(arrays)}\n")
+        self.done[tile.first] = tile.count
+
+    def _make(self, path: Path, values: np.ndarray) -> None:
+        """A file of zeros, which takes no room on a disk that knows holes."""
+        shape, dtype = values.shape[1:], values.dtype
+        header = {"descr": np.lib.format.dtype_to_descr(dtype), "fortran_order": False, "shape": (self.count, *shape)}
+
+        def write(file):
+            np.lib.format.write_array_header_2_0(file, header)
+            file.truncate(file.tell() + self.count * _row_bytes(shape, dtype))
+
+        write_whole(path, write)
+        self._shapes[path.stem] = shape, dtype
+
+    def _path(self, name: str) -> Path:
+        return self.folder / f"{name}.npy"
+
+    def _files(self) -> list[Path]:
+        return sorted(path for path in self.folder.glob("*.npy") if not path.name.startswith("."))
+
+    def finish(self) -> None:
+        """All is there: the folder keeps nothing but the arrays."""
+        for name in (JOURNAL, TERMS):
+            (self.folder / name).unlink(missing_ok=True)
+
+    def remove(self) -> None:
+        """Removes the folder with all in it that is ours."""
+        for path in [*self._files(), self.folder / JOURNAL, self.folder / TERMS]:
+            path.unlink(missing_ok=True)
+        self.done, self._shapes = {}, {}
+        if self.folder.is_dir() and not any(self.folder.iterdir()):
+            os.rmdir(self.folder)
+
+
+def _start(file) -> int:
+    """Where the numbers of an open .npy file begin."""
+    version = np.lib.format.read_magic(file)
+    (np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0)(file)
+    return file.tell()
+
+
+def _row_bytes(shape: tuple, dtype: np.dtype) -> int:
+    return int(np.prod(shape, dtype=np.int64)) * dtype.itemsize
+
+
+def _hash(arrays: Arrays) -> str:
+    total = blake2b(digest_size=16)
+    for name in sorted(arrays):
+        total.update(name.encode())
+        total.update(np.ascontiguousarray(arrays[name]).data)
+    return total.hexdigest()

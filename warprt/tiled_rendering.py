@@ -1,0 +1,172 @@
+"""`warprt render` with workers: tiles that are kept in a folder until all are done."""
+
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import PIL.Image
+
+from . import checks
+from .farm import InProcess, Summary, work
+from .image import Image, write_picture
+from .parcel import Recipe
+from .pool import WorkerPool
+from .progress import Bar
+from .rendering import Job
+from .store import Store
+from .tiff import is_streamed, require_tifffile, write_tiled
+from .tiles import TILE_RAYS, PictureTile, picture_tiles
+from .tracer import Tracer, as_device
+from .turntable import turned, write_moving
+
+MOST_WORKERS = 1024
+
+
+class TiledJob(Job):
+    """One call of the command. The second one takes up what the first one left."""
+
+    def __init__(self, options):
+        super().__init__(options)
+        if options.workers is not None and options.scheduler is not None:
+            raise ValueError("--workers starts processes here and --scheduler uses those of a cluster: leave out one")
+        if options.workers is not None:
+            checks.integer(options.workers, "workers", 0, MOST_WORKERS)
+        if options.tile is not None:
+            checks.integer(int(options.tile) if options.tile == options.tile // 1 else options.tile, "tile")
+        self.is_streamed = is_streamed(self.output, options.size)
+        if self.is_streamed:
+            require_tifffile()
+            if self.outputs != ("color",):
+                raise ValueError(f"a TIFF of this size holds colour only; got --outputs {','.join(self.outputs)}")
+        # Where only a picture is wanted, workers send 8 bits instead of 32.
+        self.tile_look = self.look if self.outputs == ("color",) and self.kind != "NPZ" else None
+        self.height = options.size[1] * max(1, len(self.frames))
+        self.store = Store(self.output.with_suffix(".tiles"), self.height)
+
+    def begin(self) -> None:
+        """Reads the scene. What is done already, `work` reads: only workers know of which device it must be."""
+        options = self.options
+        self.camera = self.scene.camera
+        if self.camera is None:
+            self.camera = Tracer(self.scene, options.accuracy, "cpu", "none").framing_camera()
+        if self.frames:
+            turned(self.camera, 0)
+        names = ("samples", "max_bounces", "integrator", "noise")
+        self.options_of_tile = {name: getattr(options, name) for name in names}
+
+    @contextmanager
+    def _workers(self) -> Iterator[tuple]:
+        """(executor, kind of device of its workers)."""
+        options = self.options
+        if options.scheduler is not None:
+            from . import cluster
+
+            with cluster.connect(options.scheduler) as client:
+                cluster.require_workers(client)
+                kind = cluster.kind(client, options.device)
+                yield cluster.executor(client, kind), kind
+            return
+        kind = "cuda" if as_device(options.device).is_cuda else "cpu"
+        if options.workers is None:
+            with InProcess() as executor:
+                yield executor, kind
+            return
+        with WorkerPool(options.workers or None, options.threads) as executor:
+            yield executor, kind
+
+    def work(self) -> None:
+        """Does what is not done yet, writes the files, and says who did what."""
+        with self._workers() as (executor, kind):
+            self.recipe = Recipe(self.scene, self.options.accuracy, self.options.accelerator, kind)
+            self._open_store()
+            try:
+                summary = self._render(executor)
+            except OSError as error:
+                raise OSError(f"{error}; {self._kept()}") from error
+        self._write()
+        self.store.remove()
+        self._report(summary)
+
+    def _terms(self) -> dict:
+        return {**super()._terms(), "bits": 8 if self.tile_look else 32, "rows": self.height}
+
+    @property
+    def device_kind(self) -> str:
+        """That of the workers' devices."""
+        return self.recipe.device
+
+    def _open_store(self) -> None:
+        folder, terms = self.store.folder, self._terms()
+        others = self.store.begin(terms)
+        if others and self.options.resume:
+            raise ValueError(f"{folder} was begun with another {', '.join(others)}; leave out --resume to begin anew")
+        if others:
+            print(f"warprt: {folder} was begun with another {', '.join(others)}; begins anew", file=sys.stderr)
+            self.store.remove()
+            self.store.begin(terms)
+        elif self.store.done:
+            print(f"warprt: goes on, {self._done()} are in {folder}", file=sys.stderr)
+
+    def _tiles(self) -> Iterator[PictureTile]:
+        width, height = self.options.size
+        rays = int(self.options.tile or TILE_RAYS[self.recipe.device])
+        for k in range(max(1, len(self.frames))):
+            camera = turned(self.camera, k / len(self.frames)) if self.frames else self.camera
+            yield from picture_tiles(
+                camera,
+                (width, height),
+                self.outputs,
+                self.options_of_tile,
+                (0, height),
+                rays,
+                self.tile_look,
+                k * height,
+            )
+
+    def _render(self, executor) -> Summary:
+        left = (tile for tile in self._tiles() if not self.store.has(tile))
+        rays_of_row = self.options.size[0] * self.samples
+        with Bar(self.output.name, self.height * rays_of_row) as progress:
+            progress.first = sum(self.store.done.values()) * rays_of_row
+            progress(0)
+            return work(executor, self.recipe, left, self.store.put, progress)
+
+    def _write(self) -> None:
+        width, height = self.options.size
+        if self.is_streamed:
+            write_tiled(self.output, (width, height), lambda first, count: self.store.rows(first, count)["color"])
+        elif self.frames:
+            for k, path in enumerate(self.frames):
+                self._write_picture(path, k * height, "PNG")
+            write_moving(self.output, self.frames, self.kind)
+        else:
+            self._write_picture(self.output, 0, self.kind)
+
+    def _write_picture(self, path, first: int, kind: str) -> None:
+        arrays = self.store.rows(first, self.options.size[1])
+        if self.tile_look is not None:
+            write_picture(path, PIL.Image.fromarray(arrays["color"]), kind)
+        elif self.frames:
+            Image(arrays).save(path, **self.look)
+        else:
+            self._save(Image({name: arrays[name] for name in self.outputs}))
+
+    def _report(self, summary: Summary) -> None:
+        what = f"{len(self.frames)} frames of " if self.frames else ""
+        width, height = self.options.size
+        rate = summary.rays / max(summary.seconds, 1e-9) / 1e6
+        print(
+            f"{self.output}: {what}{width} x {height}, {summary.rays:,} camera rays in {summary.seconds:.2f} s, "
+            f"{rate:.2f} Mrays/s ({self.recipe.accuracy}, {self.recipe.device})"
+        )
+        print(summary)
+
+    def _done(self) -> str:
+        return f"{sum(self.store.done.values())} of {self.height} rows"
+
+    def _kept(self) -> str:
+        return f"{self._done()} are kept in {self.store.folder}, and the same command goes on"
+
+    def keep(self) -> str:
+        """What to say when the work is interrupted: tiles are on the disk already."""
+        return f"interrupted; {self._kept()}" if self.store.done else "interrupted"
