@@ -189,6 +189,18 @@ def test_command_whose_process_is_killed_goes_on(folder):
 
 
 @pytest.mark.usefixtures("in_process")
+def test_adaptive_tiles_are_those_of_the_whole_picture(folder, capfd):
+    options = ("--noise", "0.05", "--samples", "64", "--outputs", "color,samples")
+    assert run(*RENDER, *options, "-o", "tiles.png") == 0
+    assert f"at most {40 * 30 * 64:,} camera rays" in capfd.readouterr().out
+    assert run(*RENDER[: RENDER.index("--workers")], *options, "-o", "whole.png") == 0
+    with np.load("tiles.npz") as tiles, np.load("whole.npz") as whole:
+        for name in ("color", "samples"):
+            np.testing.assert_array_equal(tiles[name], whole[name])
+    assert (folder / "tiles.png").read_bytes() == (folder / "whole.png").read_bytes()
+
+
+@pytest.mark.usefixtures("in_process")
 def test_large_tiff_is_the_same_picture(folder, monkeypatch, capfd):
     tifffile = pytest.importorskip("tifffile")
     assert run(*RENDER, "-o", "small.png", "--size", "600x300") == 0

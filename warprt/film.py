@@ -134,6 +134,11 @@ def tile_rays(device: wp.Device) -> int:
     return TILE_RAYS * (GPU_TILES if device.is_cuda else 1)
 
 
+def usual_samples(samples: int, noise: float | None) -> int:
+    """Samples of most pixels: with `noise`, few take all."""
+    return samples if noise is None else min(samples, STEP)
+
+
 def is_measured(names: Iterable[str], noise: float | None) -> bool:
     """Whether it must be known how far samples spread."""
     return noise is not None or not {"variance", "samples"}.isdisjoint(names)

@@ -14,7 +14,7 @@ from ._version import __version__
 from .cameras import AnyCamera
 from .digest import digest
 from .files import require_writable
-from .film import FILM, STEP, empty_arrays, tile_rays
+from .film import FILM, empty_arrays, tile_rays, usual_samples
 from .image import COUNTS, Image, checked_look, file_kind, output_names
 from .progress import Bar
 from .scene_files import find_scene, load_scene
@@ -189,9 +189,7 @@ class Job:
     def _finish_film(self, camera: AnyCamera, progress: Bar) -> None:
         options, unfinished = self.options, self.unfinished
         width, height = options.size
-        # With `noise`, few pixels take all samples.
-        each = self.samples if options.noise is None else min(self.samples, STEP)
-        band = max(1, tile_rays(self.tracer.device) // (width * each))
+        band = max(1, tile_rays(self.tracer.device) // (width * usual_samples(self.samples, options.noise)))
         names = self.of_film if options.noise is None else [*self.of_film, "samples"]
         while unfinished.rows < height:
             first, count = unfinished.rows, min(band, height - unfinished.rows)

@@ -154,10 +154,13 @@ class TiledJob(Job):
     def _report(self, summary: Summary) -> None:
         what = f"{len(self.frames)} frames of " if self.frames else ""
         width, height = self.options.size
-        rate = summary.rays / max(summary.seconds, 1e-9) / 1e6
+        most, rate = "", f", {summary.rays / max(summary.seconds, 1e-9) / 1e6:.2f} Mrays/s"
+        if self.options.noise is not None:
+            # Workers do not say how many they took.
+            most, rate = "at most ", ""
         print(
-            f"{self.output}: {what}{width} x {height}, {summary.rays:,} camera rays in {summary.seconds:.2f} s, "
-            f"{rate:.2f} Mrays/s ({self.recipe.accuracy}, {self.recipe.device})"
+            f"{self.output}: {what}{width} x {height}, {most}{summary.rays:,} camera rays in {summary.seconds:.2f} s"
+            f"{rate} ({self.recipe.accuracy}, {self.recipe.device})"
         )
         print(summary)
 

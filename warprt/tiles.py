@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from .cameras import AnyCamera
+from .film import usual_samples
 from .image import levels_8
 
 if TYPE_CHECKING:
@@ -99,7 +100,7 @@ def picture_tiles(
     first: int = 0,
 ) -> Iterator[PictureTile]:
     """Bands of whole rows, each of about so many rays. first: where the picture begins in the result."""
-    band = max(1, min(rays // (size[0] * options["samples"]), MOST_PIXELS // size[0]))
+    band = max(1, min(rays // (size[0] * usual_samples(options["samples"], options["noise"])), MOST_PIXELS // size[0]))
     for row in range(rows[0], rows[0] + rows[1], band):
         count = min(band, rows[0] + rows[1] - row)
         yield PictureTile(first + row - rows[0], (row, count), camera, size, outputs, options, look)
