@@ -8,6 +8,7 @@ import contextlib
 import itertools
 import os
 import threading
+import zlib
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor, wait
 from functools import cache
@@ -29,6 +30,8 @@ _is_announced = False
 _loaded: set[tuple[wp.Module, str]] = set()
 """Of modules and devices: what needs no look at the cache any more."""
 
+LOCKS = 64
+"""Files by which processes agree on who compiles what."""
 BAND = 4096
 """Fewest rays per launch on a CPU: enough to hide the cost of a launch."""
 BANDS_PER_THREAD = 16
@@ -62,19 +65,22 @@ def load(kernel: wp.Kernel, device: wp.Device) -> None:
     if key in _loaded:
         kernel.module.load(device, _block_dim(device))
         return
-    with contextlib.nullcontext() if _is_cached(kernel, device) else _compiler_lock():
+    with contextlib.nullcontext() if _is_cached(kernel, device) else _compiler_lock(kernel, device):
         kernel.module.load(device, _block_dim(device))
     _loaded.add(key)
 
 
 @contextlib.contextmanager
-def _compiler_lock():
-    """One process of this machine compiles at a time: the next one then finds in Warp's cache what it needs."""
+def _compiler_lock(kernel: wp.Kernel, device: wp.Device):
+    """One process of this machine compiles a kernel: others that want the same then find it in Warp's cache."""
     folder = wp.config.kernel_cache_dir
     if fcntl is None or folder is None:
         yield
         return
-    with open(os.path.join(folder, "warprt.lock"), "wb") as file:
+    # Few files for all kernels: those that share one wait for each other, which is rare.
+    name = kernel.module.get_module_identifier(_block_dim(device))
+    number = zlib.crc32(name.encode()) % LOCKS
+    with open(os.path.join(folder, f"warprt.{number}.lock"), "wb") as file:
         fcntl.flock(file, fcntl.LOCK_EX)
         yield
 
