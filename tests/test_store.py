@@ -63,7 +63,7 @@ def test_other_terms_are_named_and_nothing_is_taken(tmp_path, rng):
 def test_what_was_half_written_or_spoilt_is_done_again(tmp_path, rng):
     filled(tmp_path / "s", rng)
     journal = tmp_path / "s" / "journal.txt"
-    lines = journal.read_text().splitlines(keepends=True)
+    lines = [line for line in journal.read_text().splitlines(keepends=True) if line.strip()]
     journal.write_text("".join(lines[:2]) + lines[2][:20])
     array = np.load(tmp_path / "s" / "t.npy", mmap_mode="r+")
     array[7] += 1
@@ -71,6 +71,11 @@ def test_what_was_half_written_or_spoilt_is_done_again(tmp_path, rng):
     store = Store(tmp_path / "s", 10)
     assert store.begin({"scene": "a", "size": 3}) == []
     assert store.done == {0: 2}
+    # What comes after the line that was cut off is not lost with it.
+    store.put(tile(2, 4), {"t": rng.uniform(size=(4, 3)), "hit": np.ones(4, bool)})
+    store = Store(tmp_path / "s", 10)
+    store.begin({"scene": "a", "size": 3})
+    assert store.done == {0: 2, 2: 4}
 
 
 @pytest.fixture
@@ -244,6 +249,15 @@ def test_rays_of_a_file_get_the_same_bits(tmp_path, tracer, rays, query):
         np.testing.assert_array_equal(np.load(tmp_path / "hits" / f"{name}.npy"), values)
 
 
+def test_other_rays_of_the_same_shape_are_noticed(tmp_path, tracer, rays, monkeypatch):
+    interrupt(monkeypatch, OSError(28, "No space left on device"), 3)
+    with pytest.raises(OSError, match="No space left"):
+        rt.cast_file(tracer, rays, tmp_path / "hits", tile=700)
+    monkeypatch.undo()
+    with pytest.raises(ValueError, match="was begun with another rays"):
+        rt.cast_file(tracer, rays + 1, tmp_path / "hits", tile=700)
+
+
 def test_rays_go_on_where_they_were_cut_off(tmp_path, tracer, rays, monkeypatch):
     path, folder = tmp_path / "rays.npy", tmp_path / "hits"
     np.save(path, rays)
@@ -273,7 +287,8 @@ def test_rays_of_other_kinds(tmp_path, tracer, rays):
     asked = []
 
     rt.cast_file(tracer, Sliced(), tmp_path / "a", "count", tile=2000)
-    assert asked == [slice(0, 2000), slice(2000, 4000), slice(4000, 5000)]
+    # Single rows are looked at to know these rays again.
+    assert [s for s in asked if s.stop - s.start > 1] == [slice(0, 2000), slice(2000, 4000), slice(4000, 5000)]
     np.save(tmp_path / "bad.npy", rays[:, :5])
     for bad, words in ((tmp_path / "bad.npy", r"shape \(n, 6\); got float32 \(5000, 5\)"), ([[1, 2]], "got None None")):
         with pytest.raises(ValueError, match=words):

@@ -175,6 +175,37 @@ def test_viser_itself_lets_nobody_else_in(viewer):
                 stranger.recv(timeout=TIMEOUT_S)
 
 
+@pytest.mark.parametrize("query", ["websocket=ws://evil/", "%77ebsocket=ws://evil/", "hideViserLogo&playbackPath=x"])
+def test_links_of_strangers_lead_to_our_own_page(viewer, query):
+    """Viser's client would talk to whatever server its address names, and run what that sends."""
+    status, headers, _ = get(viewer, f"/preview/?{query}")
+    assert (status, headers["Location"]) == (302, "/preview/?hideViserLogo")
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"wxyz": ((1,), (2, 3))},
+        {"position": {"a": 1}},
+        {"wxyz": (0, 0, 0, 0)},
+        {"fov": float("nan")},
+        {"look_at": (1e308,) * 3},
+    ],
+)
+def test_cameras_that_are_none_go_no_further(changes):
+    from types import SimpleNamespace
+
+    from warprt.viewer.web import _is_camera
+
+    good = {"wxyz": (1, 0, 0, 0), "position": (0, 0, 5), "look_at": (0, 0, 0), "up_direction": (0, 1, 0)}
+    good |= {"fov": 0.7, "near": 0.01, "far": 100.0}
+    assert _is_camera(SimpleNamespace(**good))
+    try:
+        assert not _is_camera(SimpleNamespace(**good | changes))
+    except ValueError:
+        pass
+
+
 def viser_talk(viewer, name):
     from websockets.sync.client import connect
 

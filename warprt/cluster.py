@@ -30,7 +30,7 @@ def connect(address: str):
 
     try:
         return distributed.Client(address, timeout=PATIENCE)
-    except ValueError as error:
+    except (ValueError, TypeError) as error:
         raise ValueError(f"{address!r} is no address of a Dask scheduler, such as tcp://host:8786: {error}") from None
     except OSError:
         raise ConnectionError(f"no Dask scheduler answers at {address} within {PATIENCE:g} s") from None

@@ -76,9 +76,9 @@ class Parcel:
         if place.is_apart():
             start_warp()
         recipe, device = self._recipe(), place.device(self.device)
-        _tracers[self.key] = tracer = make_tracer(recipe, device, self.budget)
-        while len(_tracers) > MOST_TRACERS:
+        while len(_tracers) >= MOST_TRACERS:  # first, so that fewer are in memory at once
             _tracers.popitem(last=False)
+        _tracers[self.key] = tracer = make_tracer(recipe, device, self.budget)
         return tracer, True
 
     def _require_versions(self) -> None:

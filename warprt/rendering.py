@@ -8,6 +8,7 @@ from functools import cached_property
 from pathlib import Path
 
 import numpy as np
+import warp as wp
 
 from . import checks
 from ._version import __version__
@@ -129,6 +130,7 @@ class Job:
         options = self.options
         return {
             "version": __version__,
+            "warp": wp.__version__,
             "scene": digest(self.scene),
             "size": list(options.size),
             "samples": options.samples,

@@ -88,7 +88,8 @@ class Store:
                 file.seek(_start(file) + tile.first * _row_bytes(values.shape[1:], values.dtype))
                 file.write(values.data)
         with open(self.folder / JOURNAL, "a") as file:
-            file.write(f"{tile.first} {tile.count} {_hash(arrays)}\n")
+            # On a line of its own, even if the one before was cut off.
+            file.write(f"\n{tile.first} {tile.count} {_hash(arrays)}\n")
         self.done[tile.first] = tile.count
 
     def _make(self, path: Path, values: np.ndarray) -> None:

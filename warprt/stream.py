@@ -6,8 +6,10 @@ from contextlib import nullcontext
 from pathlib import Path
 
 import numpy as np
+import warp as wp
 
 from . import checks
+from ._version import __version__
 from .digest import digest
 from .farm import InProcess, Summary, work
 from .hits import field_names
@@ -54,7 +56,14 @@ def cast_file(
         raise ValueError("t_min and t_max must be one number each")
     rays_of_tile = tracer.tile_rays if tile is None else checks.integer(tile, "tile")
     recipe, store = recipe_of(tracer), Store(Path(folder), source.count)
-    terms = {"scene": digest(recipe), "query": query, "outputs": list(options.get("outputs", ())), "rays": source.name}
+    terms = {
+        "version": __version__,
+        "warp": wp.__version__,
+        "scene": digest(recipe),
+        "query": query,
+        "outputs": list(options.get("outputs", ())),
+        "rays": source.name,
+    }
     others = store.begin({**terms, "count": source.count, "limits": [float(limit) for limit in limits]})
     if others:
         raise ValueError(f"{folder} was begun with another {', '.join(others)}: remove it, or choose another folder")
@@ -67,6 +76,10 @@ def cast_file(
     return summary
 
 
+SAMPLED = 100
+"""Rows of an array whose contents are looked at."""
+
+
 class _Rows:
     """(n, 6) numbers on a disk, read some rows at a time."""
 
@@ -77,12 +90,21 @@ class _Rows:
         if shape is None or len(shape) != 2 or shape[1] != 6 or np.dtype(dtype).kind not in "fiu":
             raise ValueError(f"rays must be numbers of shape (n, 6); got {dtype} {shape}")
         self.count = shape[0]
-        self.name = f"{self._path.resolve()} {self._path.stat().st_mtime_ns}" if self._path else f"{dtype} {shape}"
+        self.name = (
+            f"{self._path.resolve()} {self._path.stat().st_mtime_ns}"
+            if self._path
+            else f"{dtype} {shape} {self._sampled()}"
+        )
         if self._path:
             self._dtype, self._offset = self._array.dtype, self._array.offset
             if not self._array.flags.c_contiguous:
                 raise ValueError(f"{self._path} must be in C order")
             self._array = None
+
+    def _sampled(self) -> str:
+        """A fingerprint of up to `SAMPLED` rows, by which other rays of the same shape are noticed."""
+        rows = np.unique(np.linspace(0, max(0, self.count - 1), min(self.count, SAMPLED)).astype(np.int64))
+        return digest([np.array(self._array[row : row + 1]) for row in rows.tolist()])
 
     def _read(self, first: int, count: int) -> np.ndarray:
         if self._path is None:

@@ -88,7 +88,12 @@ class TiledJob(Job):
         self._report(summary)
 
     def _terms(self) -> dict:
-        return {**super()._terms(), "bits": 8 if self.tile_look else 32, "rows": self.height}
+        return {
+            **super()._terms(),
+            "accelerator": self.options.accelerator,
+            "bits": 8 if self.tile_look else 32,
+            "rows": self.height,
+        }
 
     @property
     def device_kind(self) -> str:

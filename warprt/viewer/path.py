@@ -48,8 +48,8 @@ def pixel_ray(camera: AnyCamera, size: tuple[int, int], pixel: tuple[int, int]) 
     (column, row), (width, height) = pixel, size
     if not (0 <= column < width and 0 <= row < height):
         raise ValueError(f"pixel must lie within {width} x {height}; got column {column}, row {row}")
-    origins, directions = camera.rays(width, height)
-    return origins[row, column], directions[row, column]
+    origins, directions = camera.rays(width, height, rows=(row, 1))
+    return origins[0, column], directions[0, column]
 
 
 def trace_path(

@@ -40,6 +40,7 @@ class Stage:
 
     def __init__(self, space: Space, camera: Camera):
         import viser
+        from websockets.exceptions import ConnectionClosed
 
         self.space, self.home, self.meshes = space, camera, []
         # Whoever comes to viser's own port does not know this, and is sent away before anything is sent to him.
@@ -53,8 +54,13 @@ class Stage:
             live = connections._live_connections.get(connection.client_id)
             if live is not None and live.request.headers.get("Origin") != self.secret:
                 await live.close(1008, "not for you")
+                with contextlib.suppress(ConnectionClosed):
+                    while True:  # what came before the close would still be handled
+                        await live.recv()
 
         connections.on_client_connect(gate)
+        # Whoever came before the gate stood.
+        connections.disconnect_all_clients()
         self.server.scene.set_up_direction(tuple(np.asarray(camera.up, float)))
         self._light(camera)
         self._begin_at(camera)
@@ -165,9 +171,11 @@ class WorldView(Stage):
         )
 
     def show_camera(self, camera: Camera, levels: np.ndarray) -> None:
-        """Draws the first camera, and its picture, (H, W, 3) uint8, in its frustum."""
+        """Draws the first camera, and its picture, (H, W[, 3]) uint8, in its frustum."""
         wxyz, position = self.space.pose(camera)
         step = max(1, -(-max(levels.shape[:2]) // MOST_PIXELS))
+        if levels.ndim == 2:  # grey
+            levels = np.repeat(levels[..., None], 3, axis=2)
         with self.server.atomic():
             self._frustum.wxyz, self._frustum.position = wxyz, position
             self._frustum.fov = float(np.radians(camera.fov_deg))

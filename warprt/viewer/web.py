@@ -13,6 +13,7 @@ import threading
 from collections.abc import Callable
 from importlib import resources
 from pathlib import Path
+from urllib.parse import parse_qs
 
 from .. import checks
 from .hosts import is_expected, is_own_page, names_of
@@ -22,10 +23,16 @@ MOST_PORTS = 100
 """Tried after the first one that is taken."""
 MOST_BYTES = 1 << 16
 """Of a message from a page."""
+MOST_NUMBER = 1e9
+"""Of what a camera says: scenes are scaled to about 1 for the browser."""
 MOST_SCENE_BYTES = 1 << 30
 """Of a message from viser, which may carry all meshes."""
 FORWARDED = ("ViewerCameraMessage",)
 """What a browser may say to viser: its other requests move, publish or save what is not theirs."""
+CLIENTS = ("/preview/", "/world/")
+"""Where viser's client is served."""
+OPTIONS = {"hideViserLogo", "fixedDpr"}
+"""What our page asks of it."""
 HEADERS = {
     "Cache-Control": "no-store",
     "X-Content-Type-Options": "nosniff",
@@ -131,6 +138,8 @@ class Web:
             return None
         if path == "/picture.png":
             return self._answer_picture()
+        if path in CLIENTS and not _asks_no_more(request.path):
+            return _response(http.HTTPStatus.FOUND, "text/plain", b"", location=f"{path}?hideViserLogo")
         if path not in self._files:
             return _response(http.HTTPStatus.NOT_FOUND, "text/plain", b"There is no such page.\n")
         return _response(http.HTTPStatus.OK, *self._files[path])
@@ -207,9 +216,17 @@ def _is_allowed(message: object) -> bool:
     from viser._messages import Message
 
     try:
-        return type(Message.deserialize(message)).__name__ in FORWARDED
+        found = Message.deserialize(message)
+        return type(found).__name__ in FORWARDED and _is_camera(found)
     except Exception:  # whatever it is that a stranger sends
         return False
+
+
+def _is_camera(message) -> bool:
+    """Whether its numbers are those of a camera; else ValueError, or False."""
+    shapes = {"wxyz": (4,), "position": (3,), "look_at": (3,), "up_direction": (3,), "fov": (), "near": (), "far": ()}
+    numbers = [checks.finite_array(getattr(message, name), shape, name) for name, shape in shapes.items()]
+    return bool(numbers[0].any()) and max(float(abs(values).max()) for values in numbers) < MOST_NUMBER
 
 
 def _is_gone(error: Exception) -> bool:
@@ -232,18 +249,30 @@ def _files() -> dict[str, tuple[str, bytes]]:
     files = {path: (f"{kind}; charset=utf-8", (here / name).read_bytes()) for path, (name, kind) in kinds.items()}
     client = (Path(viser.__file__).parent / "client" / "build" / "index.html").read_text(encoding="utf-8")
     bare = client.replace("</head>", f"{BARE}</head>", 1).encode()
-    for stage in ("/preview/", "/world/"):
+    for stage in CLIENTS:
         files[stage] = "text/html; charset=utf-8", bare
     return files
 
 
-def _response(status: http.HTTPStatus, kind: str, body: bytes, disposition: str | None = None):
+def _asks_no_more(path: str) -> bool:
+    """Whether a request for viser's client has only the options that our page gives.
+
+    With others, a stranger's link would have it talk to the stranger's server, and run what that sends.
+    """
+    return parse_qs(path.partition("?")[2], keep_blank_values=True).keys() <= OPTIONS
+
+
+def _response(
+    status: http.HTTPStatus, kind: str, body: bytes, disposition: str | None = None, location: str | None = None
+):
     from websockets.datastructures import Headers
     from websockets.http11 import Response
 
     headers = Headers({"Content-Type": kind, "Content-Length": str(len(body)), "Connection": "close", **HEADERS})
     if kind.startswith("text/html") and BARE.encode() not in body:
         headers["Content-Security-Policy"] = POLICY
+    if location:
+        headers["Location"] = location
     if disposition:
         headers["Content-Disposition"] = disposition
     return Response(status.value, status.phrase, headers, body)
