@@ -52,9 +52,8 @@ def make_render(look: Look, projection: Projection = Projection.PINHOLE, is_meas
     """
     Scene, Lights, Camera = scene_struct(look.spec), look_struct(look), camera_struct(projection)
     Film, sample = film_struct(is_measured, look.goes_on), make_sample(look, projection, is_measured)
-    options = {"module": "unique", "enable_backward": False, "module_options": look.spec.tier.options}
 
-    @wp.kernel(**options)
+    @wp.kernel(module="unique", enable_backward=False, module_options=look.spec.tier.options)
     def render(scene: Scene, lights: Lights, camera: Camera, film: Film, samples: int, first: int):
         at = first + wp.tid()
         total = wp.vec3d(film.total[at])
@@ -62,7 +61,7 @@ def make_render(look: Look, projection: Projection = Projection.PINHOLE, is_meas
             total += sample(scene, lights, camera, film, at, k)
         film.total[at] = total
 
-    @wp.kernel(**options)
+    @wp.kernel(module="unique", enable_backward=False, module_options=look.spec.tier.options)
     def measure(scene: Scene, lights: Lights, camera: Camera, film: Film, samples: int, first: int):
         at = first + wp.tid()
         if not film.is_active[at]:
