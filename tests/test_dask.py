@@ -15,7 +15,7 @@ from test_cli import CFG, run
 from test_farm import OPTIONS, SIZE, images_agree, small_tiles  # noqa: F401
 
 import warprt as rt
-from warprt import cluster
+from warprt import cluster, farm, parcel, tiles
 
 distributed = pytest.importorskip("distributed")
 pytestmark = [pytest.mark.filterwarnings("default"), pytest.mark.xdist_group("dask")]  # Dask warns as it likes
@@ -32,8 +32,9 @@ class Cluster:
         self.scheduler = None
         self.workers = []
 
-    def start_scheduler(self):
-        self.scheduler = self._start("scheduler", "--host", "127.0.0.1", "--port", str(self.port), "--no-dashboard")
+    def start_scheduler(self, **variables):
+        options = ("--host", "127.0.0.1", "--port", str(self.port), "--no-dashboard")
+        self.scheduler = self._start("scheduler", *options, **variables)
 
     def add_worker(self, **variables):
         options = ("--nthreads", "1", "--no-nanny", "--no-dashboard", "--host", "127.0.0.1")
@@ -56,10 +57,10 @@ class Cluster:
 
 
 @contextmanager
-def started():
+def started(**variables):
     machines = Cluster()
     try:
-        machines.start_scheduler()
+        machines.start_scheduler(**variables)
         machines.add_worker()
         machines.add_worker()
         yield machines
@@ -76,9 +77,11 @@ def machines():
 
 @pytest.fixture(scope="module")
 def client():
-    """Of two workers that stay."""
+    """Of four workers that stay."""
     with started() as machines, cluster.connect(machines.address) as client:
-        client.wait_for_workers(2, timeout=120)
+        machines.add_worker()
+        machines.add_worker()
+        client.wait_for_workers(4, timeout=120)
         yield client
 
 
@@ -102,13 +105,77 @@ def test_pictures_and_rays_are_the_same_bits_and_the_scene_travels_once(scene, c
     # Results do not stay there.
     for _ in range(100):
         kept = client.run(lambda dask_worker: [type(value).__name__ for value in dask_worker.data.values()])
-        if list(kept.values()) == [["Parcel"], ["Parcel"]]:
+        if list(kept.values()) == [["Parcel"]] * 4:
             break
         time.sleep(0.1)
     else:
         raise AssertionError(kept)
     (where,) = client.who_has([cluster._scattered[client][1]]).values()
-    assert len(where) == 2
+    assert len(where) == 4
+
+
+def test_many_rays_do_not_go_through_the_scheduler_with_the_task(scene, client, rng, monkeypatch):
+    """Dask warns of graphs of more than 10 MB."""
+    monkeypatch.setattr(cluster, "SMALL", 1000)
+    tracer = rt.Tracer(scene, device="cpu")
+    tracer.tile_rays = 400
+    sent, scatter = [], type(client).scatter
+    monkeypatch.setattr(type(client), "scatter", lambda *a, **o: sent.append(a[1]) or scatter(*a, **o))
+    rays = rng.normal(size=(1000, 6)) * 5
+    t = tracer.cast(rays[:, :3], rays[:, 3:], executor=client.get_executor()).t
+    np.testing.assert_array_equal(t, tracer.cast(rays[:, :3], rays[:, 3:]).t)
+    assert sum(isinstance(part, tiles.RayTile) for part in sent) == 3
+
+
+class Deadly:
+    """A tile that kills its worker."""
+
+    rays, count, first = 1, 1, 0
+
+    def run(self, _):
+        os._exit(1)
+
+
+def test_tile_that_kills_its_workers_is_said(scene):
+    """Dask has tried it on four by then, but on one in this test."""
+    tracer = rt.Tracer(scene, device="cpu")
+    with (
+        started(DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES="0") as machines,
+        cluster.connect(machines.address) as client,
+    ):
+        client.wait_for_workers(2, timeout=120)
+        with pytest.raises(farm.TileError, match=r"rows 0 \.\. 0 failed: KilledWorker: .* workers died"):
+            farm.work(client.get_executor(), parcel.recipe_of(tracer), [Deadly()], lambda *_: None)
+
+
+def test_work_for_which_no_worker_is_left_ends(scene, client, monkeypatch):
+    tracer = rt.Tracer(scene, device="cpu")
+    monkeypatch.setattr(farm, "PATIENCE", 0.2)
+    monkeypatch.setattr(cluster, "PATIENCE", 2.0)
+    executor = client.get_executor(resources={"GPU": 1})
+    with pytest.raises(farm.TileError, match=r"no worker with GPU=1 is left at tcp://"):
+        tracer.render(**OPTIONS, executor=executor)
+
+
+def test_slow_result_is_waited_for(client, monkeypatch):
+    """As long as the scheduler is there."""
+
+    class Slow:
+        status, tries = "finished", 0
+
+        def result(self, timeout):
+            self.tries += 1
+            if self.tries < 4:
+                raise TimeoutError
+            return timeout
+
+    delivery = object.__new__(cluster.DaskDelivery)
+    delivery._client = client
+    monkeypatch.setattr(cluster, "PATIENCE", 5.0)
+    assert delivery._fetched(Slow()) == 40.0
+    monkeypatch.setattr(delivery, "_client", type("Client", (), {"status": "connecting"}))
+    with pytest.raises(TimeoutError):
+        delivery._fetched(Slow())
 
 
 @pytest.mark.usefixtures("small_tiles")
@@ -175,6 +242,23 @@ def test_lost_scheduler_is_said_and_the_same_command_goes_on(folder, machines, m
     assert not (folder / "cut.tiles").exists()
 
 
+@pytest.mark.usefixtures("small_tiles")
+def test_scheduler_that_comes_back_meanwhile_is_taken_up(scene, machines):
+    tracer = rt.Tracer(scene, device="cpu")
+    whole, again = tracer.render(**OPTIONS), []
+
+    def restart(*_):
+        if not again:
+            machines.kill(machines.scheduler)
+            machines.start_scheduler()
+            machines.add_worker()
+            again.append(True)
+
+    with cluster.connect(machines.address) as client:
+        images_agree(whole, tracer.render(**OPTIONS, executor=client.get_executor(), progress=restart))
+    assert again
+
+
 def test_scheduler_that_is_not_there_is_said(folder, monkeypatch, capfd):
     monkeypatch.setattr(cluster, "PATIENCE", 0.5)
     assert run(*RENDER, "--scheduler", "tcp://127.0.0.1:9") == 2
@@ -202,8 +286,15 @@ def test_worker_without_warprt_is_named():
         def wait_for_workers(self, *_, **__):
             pass
 
-        def run(self, _):
-            return {"tcp://a:1": {"warprt": None, "warp": None}}
+        def run(self, _, on_error):
+            return {"tcp://b:1": OSError("it died meanwhile"), **answers}
 
+        class scheduler:  # noqa: N801 - as Dask's
+            address = "tcp://s:1"
+
+    answers = {"tcp://a:1": {"warprt": None, "warp": None}}
     with pytest.raises(ValueError, match=r"worker tcp://a:1 has no warprt, but the work is of warprt"):
+        cluster.require_workers(Client())
+    answers = {}
+    with pytest.raises(ConnectionError, match=r"no worker of tcp://s:1 answers: it died meanwhile"):
         cluster.require_workers(Client())

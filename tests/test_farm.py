@@ -1,5 +1,6 @@
 """Work shared out: the same bits from any executor, and nothing lost when a process dies."""
 
+import dataclasses
 import os
 import random
 import signal
@@ -12,6 +13,7 @@ from multiprocessing import get_context
 import numpy as np
 import pytest
 import ready
+import warp as wp
 from test_cli import ROOT
 
 import warprt as rt
@@ -25,8 +27,9 @@ OPTIONS = {"size": SIZE, "samples": 2, "outputs": ("color", "depth", "instance_i
 def small_tiles(monkeypatch):
     """Five rows of a picture, or 240 rays, at a time."""
     monkeypatch.setattr(tiles, "MOST_PIXELS", 5 * SIZE[0])
-    monkeypatch.setitem(tiles.TILE_RAYS, "cpu", 240)
-    monkeypatch.setitem(tiles.TILE_RAYS, "cuda", 240)
+    for sizes in (tiles.TILE_RAYS, tiles.BATCH_RAYS):
+        for kind in sizes:
+            monkeypatch.setitem(sizes, kind, 240)
 
 
 @pytest.fixture(scope="module")
@@ -193,6 +196,134 @@ def test_tile_that_always_fails_ends_the_work(scene):
     with pytest.raises(ValueError, match="worker x has no device"):
         tracer.render(size=SIZE, executor=executor)
     assert executor.calls == 1
+
+
+def test_two_threads_share_out_at_once(scene, device, rng):
+    """And so does a call within the callback of another."""
+    tracers = [rt.Tracer(scene, device=device) for _ in range(2)]
+    origins, directions = rng.normal(size=(500, 3)) * 5, rng.normal(size=3)
+    expected = tracers[0].cast(origins, directions).t
+    inner = []
+
+    def ask(tracer):
+        def step(*_):
+            inner.append(tracer.cast(origins, directions, executor=farm.InProcess()).t)
+
+        return tracer.render(**OPTIONS, executor=farm.InProcess(), progress=step)
+
+    whole = tracers[0].render(**OPTIONS)
+    with ThreadPoolExecutor(2) as threads:
+        for image in threads.map(ask, tracers):
+            images_agree(whole, image)
+    assert len(inner) == 2
+    for t in inner:
+        np.testing.assert_array_equal(t, expected)
+
+
+def test_tiles_that_run_in_threads_are_over_when_the_call_is(scene):
+    """The tracer belongs to the caller again."""
+    tracer = rt.Tracer(scene, device="cpu")
+    running = []
+
+    class Tile:
+        rays, count = 1, 1
+
+        def __init__(self, first):
+            self.first = first
+
+        def run(self, _):
+            running.append(self.first)
+            time.sleep(0.2 if self.first else 0)
+            running.remove(self.first)
+            return {}
+
+    def fail(*_):
+        raise OSError("disk full")
+
+    with ThreadPoolExecutor(2) as threads:
+        with pytest.raises(OSError, match="disk full"):
+            farm.work(threads, parcel.recipe_of(tracer), map(Tile, range(9)), fail, tracer=tracer)
+        assert running == []
+
+
+def test_interrupted_work_puts_what_has_come(scene):
+    class Tile:
+        rays, count = 1, 1
+
+        def __init__(self, first):
+            self.first = first
+
+        def run(self, _):
+            return {}
+
+    put = []
+
+    def take(tile, _):
+        put.append(tile.first)
+        if len(put) == 1:
+            time.sleep(0.2)
+            raise KeyboardInterrupt
+
+    tracer = rt.Tracer(scene, device="cpu")
+    with ThreadPoolExecutor(2) as threads, pytest.raises(KeyboardInterrupt):
+        farm.work(threads, parcel.recipe_of(tracer), map(Tile, range(9)), take, tracer=tracer)
+    # The first, and those that were on their way; none was begun after it.
+    assert len(put) == len(set(put)) == 1 + 4
+
+
+def test_pool_does_not_wait_when_it_is_interrupted():
+    def begin():
+        with rt.WorkerPool(2, threads=1) as pool:
+            for _ in range(4):
+                pool.submit(time.sleep, 600)
+            assert pool.submit(abs, -1).cancel()
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        begin()
+
+
+def test_pool_that_is_over_does_not_start_anew():
+    pool = rt.WorkerPool(1)
+    pool.shutdown()
+    with pytest.raises(RuntimeError, match="has been shut down"):
+        pool.submit(abs, -1)
+    assert pool.processes() == []
+
+
+def test_scene_that_cannot_travel_is_said(pool):
+    class Local(rt.Sphere):
+        """Known in this function only."""
+
+    with pytest.raises(ValueError, match=r"the scene cannot be sent to another process: .*Local"):
+        rt.Tracer(rt.Scene([Local()]), device="cpu").render(size=SIZE, executor=pool)
+
+
+def test_worker_with_a_broken_device_ends(scene, monkeypatch, capfd):
+    """Or else it would fail every tile that comes after."""
+
+    class Tile:
+        rays, count, first = 1, 1, 0
+
+        def run(self, _):
+            raise RuntimeError("CUDA error 700: an illegal memory access was encountered")
+
+    ended = []
+    work = parcel.parcel_of(parcel.recipe_of(rt.Tracer(scene, device="cpu")))
+    work = dataclasses.replace(work, ready=rt.Tracer(scene, device="cpu"))
+    monkeypatch.setattr(farm.os, "_exit", ended.append)
+    for is_sound, is_apart in ((True, True), (False, False), (False, True)):
+        assert ended == []
+        monkeypatch.setattr(rt.place, "is_sound", lambda _, is_sound=is_sound: is_sound)
+        monkeypatch.setattr(rt.place, "is_apart", lambda is_apart=is_apart: is_apart)
+        with pytest.raises(RuntimeError, match="CUDA error 700"):
+            farm.run_tile(work, Tile())
+    assert ended == [1]
+    assert "ends, its device is lost: RuntimeError: CUDA error 700" in capfd.readouterr().err
+
+
+def test_device_that_answers_is_sound(device):
+    assert rt.place.is_sound(wp.get_device(device))
 
 
 def test_few_tiles_are_on_their_way_at_a_time(scene):

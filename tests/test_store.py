@@ -5,15 +5,19 @@ import signal
 import subprocess
 import sys
 import time
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
 import pytest
 import ready
+from hypothesis import given
+from hypothesis import strategies as st
 from test_cli import CFG, ROOT, run
 
 import warprt as rt
 from warprt import farm, tiff, tiled_rendering
+from warprt.spans import Spans
 from warprt.store import Store
 from warprt.tiles import RayTile
 
@@ -24,40 +28,109 @@ def tile(first, count):
     return RayTile(first, count, "cast", None, None, ())
 
 
-def filled(folder, rng):
+@contextmanager
+def opened(folder, terms=(("scene", "a"), ("size", 3)), others=()):
     store = Store(folder, 10)
-    assert store.begin({"scene": "a", "size": 3}) == []
+    try:
+        assert store.begin(dict(terms)) == list(others)
+        yield store
+    finally:
+        store.close()
+
+
+def filled(folder, rng):
     arrays = {"t": rng.uniform(size=(10, 3)), "hit": rng.uniform(size=10) < 0.5}
-    for first, count in ((6, 4), (0, 2), (2, 4)):
-        store.put(tile(first, count), {name: values[first : first + count] for name, values in arrays.items()})
+    with opened(folder) as store:
+        for first, count in ((6, 4), (0, 2), (2, 4)):
+            store.put(tile(first, count), {name: values[first : first + count] for name, values in arrays.items()})
     return arrays
 
 
 def test_rows_come_back_in_any_process(tmp_path, rng):
     arrays = filled(tmp_path / "s", rng)
-    store = Store(tmp_path / "s", 10)
-    assert store.begin({"scene": "a", "size": 3}) == []
-    assert store.done == {6: 4, 0: 2, 2: 4}
-    assert store.has(tile(6, 4))
-    assert not store.has(tile(6, 3))
-    for name, values in arrays.items():
-        np.testing.assert_array_equal(store.rows(1, 7)[name], values[1:8])
-        np.testing.assert_array_equal(np.load(tmp_path / "s" / f"{name}.npy"), values)
-    store.finish()
+    with opened(tmp_path / "s") as store:
+        assert len(store.done) == 10
+        assert store.has(tile(6, 4))
+        for name, values in arrays.items():
+            np.testing.assert_array_equal(store.rows(1, 7)[name], values[1:8])
+            np.testing.assert_array_equal(np.load(tmp_path / "s" / f"{name}.npy"), values)
+        store.finish()
     assert sorted(path.name for path in (tmp_path / "s").iterdir()) == ["hit.npy", "t.npy"]
 
 
 def test_other_terms_are_named_and_nothing_is_taken(tmp_path, rng):
     filled(tmp_path / "s", rng)
-    store = Store(tmp_path / "s", 10)
-    assert store.begin({"scene": "b", "samples": 1, "size": 3}) == ["samples", "scene"]
-    assert store.done == {}
-    store.remove()
+    other = {"scene": "b", "samples": 1, "size": 3}
+    with opened(tmp_path / "s", other, ["samples", "scene"]) as store:
+        assert len(store.done) == 0
+        assert not store.is_begun
+        store.remove()
     assert not (tmp_path / "s").exists()
     (tmp_path / "s").mkdir()
     (tmp_path / "s" / "thesis.txt").write_text("")
     with pytest.raises(ValueError, match="exists already, and is not of unfinished work"):
-        store.begin({})
+        Store(tmp_path / "s", 10).begin({})
+    assert [path.name for path in (tmp_path / "s").iterdir()] == ["thesis.txt"]
+
+
+def test_one_process_at_a_time_has_a_folder(tmp_path, rng):
+    with (
+        opened(tmp_path / "s"),
+        pytest.raises(BlockingIOError, match=r"another process is at work on \S+s: wait for it"),
+        opened(tmp_path / "s"),
+    ):
+        pass
+    with opened(tmp_path / "s") as store:
+        # It goes with what it was for, and a new one can be begun.
+        store.remove()
+        with opened(tmp_path / "s") as other:
+            other.put(tile(0, 1), {"t": np.zeros(1)})
+
+
+def test_what_a_killed_process_leaves_is_cleared_away(tmp_path, rng):
+    filled(tmp_path / "s", rng)
+    for name in (".t.npy.abc", ".terms.json.xyz"):
+        (tmp_path / "s" / name).write_bytes(b"half")
+    os.truncate(tmp_path / "s" / "t.npy", 150)
+    with opened(tmp_path / "s") as store:
+        # Without all of one array, no row of the others is whole.
+        assert len(store.done) == 0
+        arrays = {"t": rng.uniform(size=(10, 3)), "hit": np.ones(10, bool)}
+        store.put(tile(0, 10), arrays)
+        np.testing.assert_array_equal(store.rows(0, 10)["t"], arrays["t"])
+        store.remove()
+    assert not (tmp_path / "s").exists()
+    (tmp_path / "s").mkdir()
+    (tmp_path / "s" / ".terms.json.xyz").write_bytes(b"half")
+    with opened(tmp_path / "s") as store:
+        store.put(tile(0, 10), arrays)
+        store.finish()
+    assert sorted(path.name for path in (tmp_path / "s").iterdir()) == ["hit.npy", "t.npy"]
+
+
+@pytest.mark.parametrize("bad", [np.zeros((3, 3)), np.zeros((2, 3), np.float32), np.zeros((2, 4))])
+def test_results_that_do_not_fit_are_refused(tmp_path, rng, bad):
+    filled(tmp_path / "s", rng)
+    with opened(tmp_path / "s") as store, pytest.raises(ValueError, match=r"t of rows from 4 must be float64 \(2, 3\)"):
+        store.put(tile(4, 2), {"t": bad, "hit": np.zeros(2, bool)})
+
+
+def test_file_that_is_cut_off_meanwhile_is_said(tmp_path, rng):
+    filled(tmp_path / "s", rng)
+    with opened(tmp_path / "s") as store:
+        os.truncate(tmp_path / "s" / "t.npy", 200)
+        with pytest.raises(OSError, match=r"t\.npy ends before row 9"):
+            store.rows(0, 10)
+
+
+@given(st.lists(st.tuples(st.integers(0, 30), st.integers(0, 8)), max_size=12), st.integers(0, 40), st.integers(0, 9))
+def test_spans_are_a_set(added, first, count):
+    spans, rows = Spans(), set()
+    for begin, length in added:
+        spans.add(begin, length)
+        rows |= set(range(begin, begin + length))
+    assert len(spans) == len(rows)
+    assert spans.covers(first, count) == (count > 0 and rows >= set(range(first, first + count)))
 
 
 def test_what_was_half_written_or_spoilt_is_done_again(tmp_path, rng):
@@ -68,14 +141,12 @@ def test_what_was_half_written_or_spoilt_is_done_again(tmp_path, rng):
     array = np.load(tmp_path / "s" / "t.npy", mmap_mode="r+")
     array[7] += 1
     array.flush()
-    store = Store(tmp_path / "s", 10)
-    assert store.begin({"scene": "a", "size": 3}) == []
-    assert store.done == {0: 2}
-    # What comes after the line that was cut off is not lost with it.
-    store.put(tile(2, 4), {"t": rng.uniform(size=(4, 3)), "hit": np.ones(4, bool)})
-    store = Store(tmp_path / "s", 10)
-    store.begin({"scene": "a", "size": 3})
-    assert store.done == {0: 2, 2: 4}
+    with opened(tmp_path / "s") as store:
+        assert (len(store.done), store.has(tile(0, 2))) == (2, True)
+        # What comes after the line that was cut off is not lost with it.
+        store.put(tile(2, 4), {"t": rng.uniform(size=(4, 3)), "hit": np.ones(4, bool)})
+    with opened(tmp_path / "s") as store:
+        assert (len(store.done), store.has(tile(0, 6))) == (6, True)
 
 
 @pytest.fixture
@@ -124,24 +195,74 @@ def interrupt(monkeypatch, error, calls):
 
 
 @pytest.mark.parametrize(
-    ("error", "status", "words"),
+    ("error", "status", "rows", "words"),
     [
-        (KeyboardInterrupt(), 130, "interrupted; 15 of 30 rows are kept in ball.tiles, and the same command goes on"),
-        (OSError(28, "No space left on device"), 2, "No space left on device; 15 of 30 rows are kept in ball.tiles"),
+        # The tile that had come while the interrupted one was written is kept too.
+        (
+            KeyboardInterrupt(),
+            130,
+            20,
+            "interrupted; 20 of 30 rows are kept in ball.tiles, and the same command goes on",
+        ),
+        (
+            OSError(28, "No space left on device"),
+            2,
+            15,
+            "No space left on device; 15 of 30 rows are kept in ball.tiles",
+        ),
     ],
 )
 @pytest.mark.usefixtures("in_process")
-def test_same_command_goes_on(folder, monkeypatch, capfd, error, status, words):
+def test_same_command_goes_on(folder, monkeypatch, capfd, error, status, rows, words):
     assert run(*RENDER, "-o", "whole.png") == 0
     interrupt(monkeypatch, error, 3)
     assert run(*RENDER) == status
     assert words in capfd.readouterr().err.strip().splitlines()[-1]
     left = interrupt(monkeypatch, None, 1000)
     assert run(*RENDER) == 0
-    assert left[0] == 1000 - 3
-    assert "goes on, 15 of 30 rows are in ball.tiles" in capfd.readouterr().err
+    assert left[0] == 1000 - (30 - rows) // 5
+    assert f"goes on, {rows} of 30 rows are in ball.tiles" in capfd.readouterr().err
     assert (folder / "ball.png").read_bytes() == (folder / "whole.png").read_bytes()
     assert not (folder / "ball.tiles").exists()
+
+
+@pytest.mark.usefixtures("in_process")
+def test_tiles_of_another_size_are_used_where_they_cover(folder, monkeypatch, capfd):
+    assert run(*RENDER, "-o", "whole.png") == 0
+    interrupt(monkeypatch, OSError(28, "full"), 3)  # 15 rows, 5 at a time
+    assert run(*RENDER) == 2
+    left = interrupt(monkeypatch, None, 1000)
+    assert run(*RENDER, "--tile", "1280") == 0  # 8 rows at a time: one of four tiles is there
+    assert left[0] == 1000 - 3
+    assert (folder / "ball.png").read_bytes() == (folder / "whole.png").read_bytes()
+
+
+@pytest.mark.usefixtures("in_process")
+def test_interrupt_before_anything_is_done_leaves_nothing(folder, monkeypatch, capfd):
+    monkeypatch.setattr(farm, "run_tile", stop)
+    assert run(*RENDER) == 130
+    assert capfd.readouterr().err.strip().splitlines()[-1] == "warprt: interrupted"
+    assert not (folder / "ball.tiles").exists()
+
+
+@pytest.mark.usefixtures("in_process")
+def test_full_disk_at_the_end_keeps_everything(folder, monkeypatch, capfd):
+    monkeypatch.setattr(tiled_rendering, "write_picture", full_disk)
+    assert run(*RENDER) == 2
+    assert "No space left on device; 30 of 30 rows are kept in ball.tiles" in capfd.readouterr().err
+    monkeypatch.undo()
+    monkeypatch.chdir(folder)
+    assert run(*RENDER) == 0
+    assert "goes on, 30 of 30 rows" in capfd.readouterr().err
+    assert (folder / "ball.png").exists()
+
+
+def stop(*_):
+    raise KeyboardInterrupt
+
+
+def full_disk(*_):
+    raise OSError(28, "No space left on device")
 
 
 @pytest.mark.usefixtures("in_process")
@@ -163,6 +284,7 @@ def test_changed_scene_is_noticed_not_mixed(folder, monkeypatch, capfd):
         (("--scheduler", "tcp://x:1"), "leave out one"),
         (("--tile", "0.5"), "tile must be an integer"),
         (("--workers", "-1"), "workers must be an integer"),
+        (("--device", "cuda:1"), "--device must be cpu or cuda, and CUDA_VISIBLE_DEVICES says which; got cuda:1"),
     ],
 )
 def test_mistakes_are_one_line(folder, capfd, options, words):
@@ -297,6 +419,19 @@ def test_rays_of_other_kinds(tmp_path, tracer, rays):
         rt.cast_file(tracer, tmp_path / "none.npy", tmp_path / "b")
     with pytest.raises(ValueError, match="query must be one of cast, occluded, count; got 'walk'"):
         rt.cast_file(tracer, rays, tmp_path / "b", "walk")
+    rt.cast_file(tracer, rays[:0], tmp_path / "none", outputs=("t", "instance_id"))
+    for name, dtype in (("t", np.float32), ("instance_id", np.int32)):
+        none = np.load(tmp_path / "none" / f"{name}.npy")
+        assert (none.shape, none.dtype) == ((0,), dtype)
+
+
+def test_rays_of_zarr(tmp_path, tracer, rays):
+    zarr = pytest.importorskip("zarr")
+    stored = zarr.create_array(tmp_path / "rays.zarr", shape=rays.shape, dtype=rays.dtype, chunks=(999, 6))
+    stored[:] = rays
+    rt.cast_file(tracer, zarr.open_array(tmp_path / "rays.zarr", mode="r"), tmp_path / "hits", "occluded", tile=700)
+    whole = tracer.occluded(rays[:, :3], rays[:, 3:])
+    np.testing.assert_array_equal(np.load(tmp_path / "hits" / "occluded.npy"), whole)
 
 
 MEMORY = """

@@ -10,13 +10,16 @@ import warp as wp
 
 from . import place
 from ._version import __version__
-from .farm import Tile, TileError, run_tile
+from .farm import IN_FLIGHT, Done, Tile, TileError, run_tile
 from .parcel import Parcel, Recipe
+from .tiles import RayTile
 
 _scattered = weakref.WeakKeyDictionary()
 """The last scene of each client, by its key: the next picture of it finds it there."""
 PATIENCE = 30.0
-"""Seconds to wait for a scheduler, or for a first worker."""
+"""Seconds to wait for a scheduler, for a first worker, or for another one when all are gone."""
+SMALL = 1 << 20
+"""Bytes of rays that may go with a tile; more take the way of Dask's data."""
 
 
 def connect(address: str):
@@ -59,11 +62,22 @@ def require_workers(client) -> None:
         return found
 
     wanted = {"warprt": __version__, "warp": wp.__version__}
-    for worker, found in client.run(versions).items():
+    for worker, found in _asked(client, versions).items():
         for name, version in wanted.items():
             if found[name] != version:
                 has = f"has {name} {found[name]}" if found[name] else f"has no {name}"
                 raise ValueError(f"worker {worker} {has}, but the work is of {name} {version}")
+
+
+def _asked(client, question) -> dict:
+    """What each worker answers; a worker that dies meanwhile does not count. ConnectionError if none is left."""
+    answers = client.run(question, on_error="return")
+    living = {worker: answer for worker, answer in answers.items() if not isinstance(answer, Exception)}
+    if not living:
+        raise ConnectionError(
+            f"no worker of {client.scheduler.address} answers: {next(iter(answers.values()), 'none')}"
+        )
+    return living
 
 
 class DaskDelivery:
@@ -76,6 +90,7 @@ class DaskDelivery:
         self._recipe = recipe
         self._address = self._client.scheduler.address
         self._count, self._counted_at = 1, -math.inf
+        self._resources = executor._kwargs.get("resources") or {}
         require_workers(self._client)
         key, self._scattered = _scattered.get(self._client, ("", None))
         if key != parcel.key or self._scattered.status != "finished":
@@ -86,24 +101,69 @@ class DaskDelivery:
         self._scattered = self._client.scatter(self._parcel.packed(self._recipe), broadcast=True, hash=False)
         _scattered[self._client] = self._parcel.key, self._scattered
 
-    def workers(self) -> int:
-        """How many there are now, or were a second ago: asking takes a way to the scheduler and back."""
+    borrows = False
+
+    def in_flight(self) -> int:
+        """Tiles for the workers there are now, or were a second ago: asking takes a way to the scheduler and back."""
         if time.monotonic() > self._counted_at + 1 and self._client.status == "running":
-            self._count = max(1, len(self._client.scheduler_info(n_workers=-1).get("workers", {})))
-            self._counted_at = time.monotonic()
-        return self._count
+            self._count, self._counted_at = max(1, self._eligible()), time.monotonic()
+        return IN_FLIGHT * self._count
+
+    def _eligible(self) -> int:
+        """Workers that have what the work asks for, such as GPU=1."""
+        workers = self._client.scheduler_info(n_workers=-1).get("workers", {}).values()
+        wanted = self._resources.items()
+        return sum(all(w.get("resources", {}).get(name, 0) >= count for name, count in wanted) for w in workers)
+
+    def require_workers(self) -> None:
+        """Raises TileError if none has come in time, which Dask would wait for without end."""
+        end = time.monotonic() + PATIENCE
+        while self._client.status == "running" and not self._eligible():
+            if time.monotonic() > end:
+                which = " ".join(f"{name}={count:g}" for name, count in self._resources.items())
+                raise TileError(f"no worker{f' with {which}' * bool(which)} is left at {self._address}")
+            time.sleep(0.1)
+
+    def is_final(self, error: BaseException) -> bool:
+        """Whether Dask has tried it on several workers, all of which died of it."""
+        return type(error).__name__ == "KilledWorker"
 
     def submit(self, tile: Tile) -> Future:
         """As the executor's own, whose futures never end when the scheduler is lost as their result is fetched."""
         try:
+            if isinstance(tile, RayTile) and tile.bytes > SMALL:
+                tile = self._client.scatter(tile, hash=False)
             # pure=False: a tile that failed is not answered from memory.
             task = self._client.submit(run_tile, self._scattered, tile, **{**self._executor._kwargs, "pure": False})
         except RuntimeError as error:
             raise TileError(f"the Dask client is closed ({error})") from None
         future: Future = Future()
         future.add_done_callback(lambda _: task.cancel() if future.cancelled() else None)
-        task.add_done_callback(lambda _: _land(task, future))
+        task.add_done_callback(lambda _: self._land(task, future))
         return future
+
+    def _land(self, task, future: Future) -> None:
+        """Passes on what has become of a task."""
+        if not future.set_running_or_notify_cancel():
+            return
+        try:
+            future.set_result(self._fetched(task))
+        except (Exception, CancelledError) as error:
+            future.set_exception(error)
+        finally:
+            # Or else the worker keeps its copy until Python finds the ring of callbacks.
+            task.release()
+
+    def _fetched(self, task) -> Done:
+        """Its result, for which a slow network gets twice the time on each try while the scheduler is there."""
+        patience = PATIENCE
+        while True:
+            try:
+                return task.result(timeout=patience)
+            except TimeoutError:
+                if task.status != "finished" or self._client.status != "running":
+                    raise
+                patience *= 2
 
     def mend(self, error: BaseException) -> None:
         """Scatters again when the scene may be lost: a cancelled tile means that its scheduler, or its input, is."""
@@ -120,25 +180,12 @@ class DaskDelivery:
         self._scatter()
 
 
-def _land(task, future: Future) -> None:
-    """Passes on what has become of a task."""
-    if not future.set_running_or_notify_cancel():
-        return
-    try:
-        future.set_result(task.result(timeout=PATIENCE))
-    except (Exception, CancelledError) as error:
-        future.set_exception(error)
-    finally:
-        # Or else the worker keeps its copy until Python finds the ring of callbacks.
-        task.release()
-
-
 def kind(client, asked: str | None) -> str:
     """The kind of device, "cpu" or "cuda", that the work is for: as asked, or that which all workers have.
 
     Raises ValueError where they differ, or have not what is asked for.
     """
-    kinds = client.run(place.default_kind)
+    kinds = _asked(client, place.default_kind)
     if asked is not None:
         wanted = asked.partition(":")[0]
         if wanted not in ("cpu", "cuda"):

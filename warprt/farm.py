@@ -1,10 +1,11 @@
 """Tiles handed to workers, a few at a time, again if a worker is lost, and their results taken as they come."""
 
 import os
+import sys
 import tempfile
 import time
 from collections import Counter
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import (
     FIRST_COMPLETED,
     BrokenExecutor,
@@ -16,12 +17,13 @@ from concurrent.futures import (
     wait,
 )
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from . import place
-from .parcel import Parcel, Recipe, at_hand, lock, parcel_of
+from .parcel import Parcel, Recipe, lock, parcel_of
+from .pool import WorkerPool
 from .tiles import Arrays, PictureTile, RayTile
 
 if TYPE_CHECKING:
@@ -32,6 +34,8 @@ TRIES = 4
 """Of a tile: so often may a worker be lost under it, or fail in a way that is not the tile's fault."""
 IN_FLIGHT = 2
 """Tiles for each worker: one at work, one waiting, so that results never pile up."""
+PATIENCE = 30.0
+"""Seconds without a result after which it is asked whether there are workers still."""
 OUR_FAULT = (ValueError, TypeError, ImportError, MemoryError)
 """Errors that another try would only repeat."""
 
@@ -100,8 +104,21 @@ def run_tile(parcel: Parcel, tile: Tile) -> Done:
     with lock:
         tracer, is_new = parcel.tracer()
         started = time.perf_counter()
-        arrays = tile.run(tracer)
+        try:
+            arrays = tile.run(tracer)
+        except OUR_FAULT:
+            raise
+        except Exception as error:
+            _end_if_broken(tracer, error)
+            raise
         return Done(arrays, place.name(), time.perf_counter() - started, is_new)
+
+
+def _end_if_broken(tracer: "Tracer", error: Exception) -> None:
+    """Some errors of CUDA stay with a process, which would fail every further tile: it makes way for another."""
+    if place.is_apart() and not place.is_sound(tracer.device):
+        print(f"warprt: worker {place.name()} ends, its device is lost: {_said(error)}", file=sys.stderr, flush=True)
+        os._exit(1)
 
 
 def work(
@@ -116,7 +133,7 @@ def work(
 
     tracer: one of that recipe, for tiles that are done within this process. Raises ValueError for an executor of
     forked processes and for what a tile itself raises, TileError for a tile that failed on every try, and what `put`
-    raises; what was put stays put.
+    raises; what was put stays put. When it is interrupted, it puts what has come meanwhile.
     """
     require_executor(executor)
     summary, started = Summary(), time.perf_counter()
@@ -128,6 +145,10 @@ def work(
                 summary.add(tile, done)
                 if progress is not None:
                     progress(summary.rays)
+        except KeyboardInterrupt:
+            for tile, done in flights.landed():
+                put(tile, done.arrays)
+            raise
         finally:
             flights.cancel()
     summary.seconds = time.perf_counter() - started
@@ -146,7 +167,9 @@ class _Flights:
     def __iter__(self):
         self._fill()
         while self._flying:
-            landed, _ = wait(self._flying, return_when=FIRST_COMPLETED)
+            landed, _ = wait(self._flying, PATIENCE, FIRST_COMPLETED)
+            if not landed:
+                self._delivery.require_workers()
             while landed:
                 future = landed.pop()
                 tile, tries = self._flying.pop(future)
@@ -156,7 +179,7 @@ class _Flights:
                     yield tile, done
 
     def _fill(self) -> None:
-        while len(self._flying) < IN_FLIGHT * self._delivery.workers():
+        while len(self._flying) < self._delivery.in_flight():
             tile = next(self._tiles, None)
             if tile is None:
                 return
@@ -172,19 +195,26 @@ class _Flights:
         except OUR_FAULT:
             raise
         except (Exception, CancelledError) as error:
-            if tries == TRIES:
-                raise TileError(
-                    f"rows {tile.first} .. {tile.first + tile.count - 1} failed {tries} times: {_said(error)}"
-                ) from error
+            if tries == TRIES or self._delivery.is_final(error):
+                rows = f"rows {tile.first} .. {tile.first + tile.count - 1}"
+                raise TileError(f"{rows} failed{f' {tries} times' * (tries > 1)}: {_said(error)}") from error
             self._delivery.mend(error)
             self._summary.retries += 1
             self._submit(tile, tries + 1)
             return None
 
+    def landed(self) -> Iterator[tuple[Tile, Done]]:
+        """What has come back and was not asked for yet."""
+        for future, (tile, _) in self._flying.items():
+            if future.done() and not future.cancelled() and future.exception() is None:
+                yield tile, future.result()
+
     def cancel(self) -> None:
         """Gives up what is not done."""
-        for future in self._flying:
-            future.cancel()
+        running = [future for future in self._flying if not future.cancel()]
+        if self._delivery.borrows:
+            # Its owner may move things as soon as the call is over.
+            wait(running)
 
 
 class _Here:
@@ -193,9 +223,19 @@ class _Here:
     def __init__(self, executor: Executor, parcel: Parcel):
         self._executor = executor
         self._parcel = parcel
+        self.borrows = parcel.ready is not None and not isinstance(executor, (ProcessPoolExecutor, WorkerPool))
+        """Whether tiles may be at work with the tracer of the caller."""
 
-    def workers(self) -> int:
-        return 1 if isinstance(self._executor, InProcess) else getattr(self._executor, "_max_workers", os.cpu_count())
+    def in_flight(self) -> int:
+        if isinstance(self._executor, InProcess):
+            return 1
+        return IN_FLIGHT * getattr(self._executor, "_max_workers", os.cpu_count())
+
+    def require_workers(self) -> None:
+        """They are of this machine."""
+
+    def is_final(self, error: BaseException) -> bool:
+        return False
 
     def submit(self, tile: Tile) -> Future:
         try:
@@ -215,9 +255,12 @@ def _delivered(executor: Executor, parcel: Parcel, recipe: Recipe, tracer: "Trac
 
         yield DaskDelivery(executor, parcel, recipe)
         return
-    with at_hand(parcel.key, tracer), tempfile.TemporaryDirectory(prefix="warprt-") as folder:
-        is_here = isinstance(executor, (ThreadPoolExecutor, InProcess)) and tracer is not None
-        yield _Here(executor, parcel if is_here else parcel.in_file(Path(folder, "scene"), recipe))
+    parcel = replace(parcel, ready=tracer)
+    if isinstance(executor, (ThreadPoolExecutor, InProcess)) and tracer is not None:
+        yield _Here(executor, parcel)
+        return
+    with tempfile.TemporaryDirectory(prefix="warprt-") as folder:
+        yield _Here(executor, parcel.in_file(Path(folder, "scene"), recipe))
 
 
 def require_executor(executor: Executor) -> None:

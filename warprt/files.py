@@ -6,6 +6,11 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import BinaryIO
 
+try:
+    import fcntl
+except ImportError:  # not on Windows, where nothing is locked
+    fcntl = None
+
 
 def require_writable(path: str | Path) -> Path:
     """The path, if a file can be put there. Raises OSError that names it otherwise."""
@@ -39,3 +44,32 @@ def write_whole(path: str | Path, write: Callable[[BinaryIO], None]) -> None:
     except BaseException:
         os.unlink(temporary)
         raise
+
+
+class FileLock:
+    """A file that one process at a time holds; the system takes it back when that process ends, however it ends."""
+
+    def __init__(self, path: Path):
+        self._path = path
+        self._file: BinaryIO | None = None
+
+    def take(self, held: str) -> None:
+        """Makes the file. Raises BlockingIOError with the words `held` if another one holds it."""
+        if fcntl is None or self._file is not None:
+            return
+        file = open(self._path, "ab")
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            # Else its holder has removed it meanwhile, with all that it was for.
+            if not os.path.samestat(os.fstat(file.fileno()), os.stat(self._path)):
+                raise FileNotFoundError(self._path)
+        except OSError:
+            file.close()
+            raise BlockingIOError(held) from None
+        self._file = file
+
+    def release(self) -> None:
+        """Leaves it to others; whoever wants it removed does so before."""
+        if self._file is not None:
+            self._file.close()
+            self._file = None

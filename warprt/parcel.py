@@ -44,7 +44,7 @@ class Recipe:
 
 @dataclass(frozen=True)
 class Parcel:
-    """A recipe on its way: it holds the recipe pickled, or the path of a file of it, or, in one process, neither."""
+    """A recipe on its way: it holds the recipe pickled, or the path of a file of it."""
 
     key: str
     """Hash of the recipe: equal for equal contents."""
@@ -52,16 +52,21 @@ class Parcel:
     budget: int
     contents: np.ndarray | Path | None = field(default=None, repr=False)
     versions: tuple[tuple[str, str], ...] = (("warprt", __version__), ("warp", wp.__version__))
+    ready: "Tracer | None" = field(default=None, repr=False)
+    """One of that recipe, for tiles that are done in the process of the caller, to whom it belongs."""
+
+    def __getstate__(self) -> dict:
+        return {**self.__dict__, "ready": None}
 
     def packed(self, recipe: Recipe) -> "Parcel":
         """With the recipe inside, as bytes."""
-        pickled = pickle.dumps(recipe, protocol=5)
-        return replace(self, contents=np.frombuffer(pickled, np.uint8))
+        with _said_what_cannot_travel():
+            return replace(self, contents=np.frombuffer(pickle.dumps(recipe, protocol=5), np.uint8))
 
     def in_file(self, path: Path, recipe: Recipe) -> "Parcel":
         """With the recipe in a file, which workers that see it read for themselves."""
-        pickled = pickle.dumps(recipe, protocol=5)
-        write_whole(path, lambda file: file.write(pickled))
+        with _said_what_cannot_travel():
+            write_whole(path, lambda file: pickle.dump(recipe, file, protocol=5))
         return replace(self, contents=path)
 
     def tracer(self) -> tuple["Tracer", bool]:
@@ -69,6 +74,8 @@ class Parcel:
 
         Raises ValueError for other versions than here or no such device, and if the file is not seen.
         """
+        if self.ready is not None:
+            return self.ready, False
         if self.key in _tracers:
             _tracers.move_to_end(self.key)
             return _tracers[self.key], False
@@ -90,7 +97,8 @@ class Parcel:
     def _recipe(self) -> Recipe:
         if isinstance(self.contents, Path):
             try:
-                return pickle.loads(self.contents.read_bytes())
+                with open(self.contents, "rb") as file:
+                    return pickle.load(file)
             except FileNotFoundError:
                 raise ValueError(
                     f"worker {place.name()} does not see {self.contents}, the scene: it must share this machine's files"
@@ -119,16 +127,8 @@ def make_tracer(recipe: Recipe, device, budget: int) -> "Tracer":
 
 
 @contextmanager
-def at_hand(key: str, tracer: "Tracer | None"):
-    """Within this process, that tracer serves, as it is, for parcels of that key."""
-    if tracer is None:
-        yield
-        return
-    with lock:
-        _tracers[key] = tracer
+def _said_what_cannot_travel():
     try:
         yield
-    finally:
-        with lock:
-            # It belongs to the caller, who may move things.
-            _tracers.pop(key, None)
+    except (pickle.PicklingError, AttributeError, TypeError) as error:
+        raise ValueError(f"the scene cannot be sent to another process: {error}") from error

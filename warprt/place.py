@@ -36,6 +36,14 @@ def device(kind: str) -> wp.Device:
         raise ValueError(f"worker {name()} has no device {alias!r}, which the work asks for; it has {names}") from None
 
 
+def is_sound(device: wp.Device) -> bool:
+    """Whether a device still answers."""
+    try:
+        return wp.zeros(1, dtype=wp.int32, device=device).numpy().item() == 0
+    except Exception:
+        return False
+
+
 def default_kind() -> str:
     """The kind of device of this worker unless told otherwise."""
     return "cuda" if wp.get_cuda_device_count() else "cpu"

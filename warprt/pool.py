@@ -1,5 +1,6 @@
 """Processes of this machine as workers."""
 
+import contextlib
 import multiprocessing
 import os
 import signal
@@ -20,7 +21,8 @@ class WorkerPool(Executor):
     of each; by default the cores are shared out. With several CUDA devices the workers take turns: worker k has device
     k modulo their number.
 
-    For `executor=`; its tiles find the scene in a file. As with all spawned processes, a script that makes one needs
+    For `executor=`; its tiles find the scene in a file. A `with` statement that ends with an error, or by Ctrl-C, does
+    not wait for what is at work. As with all spawned processes, a script that makes one needs
     `if __name__ == "__main__":` around what it does. Raises ValueError for counts that are not integers of at least 1.
     """
 
@@ -31,25 +33,43 @@ class WorkerPool(Executor):
         self._threads = max(1, cores // self._max_workers) if threads is None else checks.integer(threads, "threads")
         self._devices = devices
         self._pool: ProcessPoolExecutor | None = None
+        self._is_over = False
+        self._lock = threading.Lock()
 
     def submit(self, function, /, *arguments, **options) -> Future:
-        """As of any executor, but a pool that has lost a process is replaced first."""
-        try:
-            return self._running().submit(function, *arguments, **options)
-        except BrokenExecutor:
-            self._pool.shutdown(wait=False, cancel_futures=True)
-            self._pool = None
-            return self._running().submit(function, *arguments, **options)
+        """As of any executor, but a pool that has lost a process is replaced first. RuntimeError after the end."""
+        # Each call may start a process.
+        with self._lock, _without_interrupts():
+            if self._is_over:
+                raise RuntimeError("the WorkerPool has been shut down")
+            try:
+                return self._running().submit(function, *arguments, **options)
+            except BrokenExecutor:
+                self._pool.shutdown(wait=False, cancel_futures=True)
+                self._pool = None
+                return self._running().submit(function, *arguments, **options)
 
     def processes(self) -> list[int]:
         """Ids of the processes that run now."""
-        return [] if self._pool is None else list(self._pool._processes or ())
+        with self._lock:
+            return [] if self._pool is None else list(self._pool._processes or ())
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
-        """Ends the processes."""
-        if self._pool is not None:
-            self._pool.shutdown(wait, cancel_futures=cancel_futures)
-            self._pool = None
+        """Ends the processes, when they have done what they were given."""
+        with self._lock:
+            pool, self._pool, self._is_over = self._pool, None, True
+        if pool is not None:
+            pool.shutdown(wait, cancel_futures=cancel_futures)
+
+    def terminate(self) -> None:
+        """Ends the processes at once; what they were given is lost."""
+        for process in self.processes():
+            with contextlib.suppress(ProcessLookupError):
+                os.kill(process, signal.SIGTERM)
+        self.shutdown(cancel_futures=True)
+
+    def __exit__(self, error, *_) -> None:
+        self.shutdown() if error is None else self.terminate()
 
     def _running(self) -> ProcessPoolExecutor:
         if self._pool is None:
@@ -57,6 +77,22 @@ class WorkerPool(Executor):
             start = (context.Value("i", 0), self._devices, self._threads)
             self._pool = ProcessPoolExecutor(self._max_workers, context, _begin, start)
         return self._pool
+
+
+@contextlib.contextmanager
+def _without_interrupts():
+    """What is started meanwhile does not hear Ctrl-C.
+
+    It is for the process that hands out the work; when that is gone, so is the work.
+    """
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def _begin(counter, devices: int, threads: int) -> None:
@@ -67,7 +103,6 @@ def _begin(counter, devices: int, threads: int) -> None:
     os.environ["WARPRT_THREADS"] = str(threads)
     if devices:
         os.environ["WARPRT_DEVICE"] = f"cuda:{number % devices}"
-    # Ctrl-C is for the process that hands out the work; when that is gone, so is the work.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_end_with, args=(multiprocessing.parent_process(),), daemon=True).start()
     start_warp()

@@ -16,7 +16,7 @@ from .hits import field_names
 from .parcel import recipe_of
 from .progress import Bar
 from .store import Store
-from .tiles import RayTile
+from .tiles import BATCH_RAYS, RayTile
 from .tracer import Tracer, choice
 from .typing import ArrayLike
 
@@ -41,12 +41,12 @@ def cast_file(
     as they are asked for, such as one of Zarr or HDF5. query: "cast", "occluded" or "count". outputs: of "cast", as
     there. folder: will have `t.npy` and so on, each of n rows, or `occluded.npy`, or `count.npy`.
 
-    executor: any of `concurrent.futures`. tile: rays at a time, by default 262,144 on a CPU and 8,388,608 on a GPU; a
+    executor: any of `concurrent.futures`. tile: rays at a time, by default 262,144 on a CPU and 1,048,576 on a GPU; a
     few tiles are in memory, whatever n is. progress: as for `Tracer.render`. A call that was cut off goes on when it is
     made again: what is done stands in the folder, with hashes. Bits are those of `Tracer.cast`.
 
     Raises ValueError for rays of other shapes or types and for a folder of other rays, queries or scenes, OSError when
-    a file cannot be read or written; what is done then stays.
+    a file cannot be read or written, or another process is at work on the folder; what is done then stays.
     """
     source = _Rows(rays)
     choice(query, QUERIES, "query")
@@ -54,7 +54,7 @@ def cast_file(
     limits = (checks.real_array(t_min, "t_min"), checks.real_array(t_max, "t_max"))
     if limits[0].ndim or limits[1].ndim:
         raise ValueError("t_min and t_max must be one number each")
-    rays_of_tile = tracer.tile_rays if tile is None else checks.integer(tile, "tile")
+    rays_of_tile = checks.integer(tracer.tile_rays or BATCH_RAYS[tracer.kind] if tile is None else tile, "tile")
     recipe, store = recipe_of(tracer), Store(Path(folder), source.count)
     terms = {
         "version": __version__,
@@ -64,16 +64,20 @@ def cast_file(
         "outputs": list(options.get("outputs", ())),
         "rays": source.name,
     }
-    others = store.begin({**terms, "count": source.count, "limits": [float(limit) for limit in limits]})
-    if others:
-        raise ValueError(f"{folder} was begun with another {', '.join(others)}: remove it, or choose another folder")
-    tiles = source.tiles(query, limits, options, rays_of_tile, store.done)
-    before = sum(store.done.values())
-    with Bar(query, source.count) if progress is True else nullcontext(progress or None) as report:
-        step = None if report is None else lambda done: report(before + done, source.count)
-        summary = work(executor or InProcess(), recipe, tiles, store.put, step, tracer)
-    store.finish()
-    return summary
+    try:
+        others = store.begin({**terms, "count": source.count, "limits": [float(limit) for limit in limits]})
+        if others:
+            names = ", ".join(others)
+            raise ValueError(f"{folder} was begun with another {names}: remove it, or choose another folder")
+        tiles = source.tiles(query, limits, options, rays_of_tile, store.done.covers)
+        before = len(store.done)
+        with Bar(query, source.count) if progress is True else nullcontext(progress or None) as report:
+            step = None if report is None else lambda done: report(before + done, source.count)
+            summary = work(executor or InProcess(), recipe, tiles, store.put, step, tracer)
+        store.finish()
+        return summary
+    finally:
+        store.close()
 
 
 SAMPLED = 100
@@ -113,10 +117,12 @@ class _Rows:
         offset = self._offset + first * 6 * self._dtype.itemsize
         return np.fromfile(self._path, self._dtype, 6 * count, offset=offset).reshape(-1, 6)
 
-    def tiles(self, query: str, limits: tuple, options: dict, rays: int, done: dict[int, int]) -> Iterator[RayTile]:
-        """Those that are not done yet."""
-        for first in range(0, self.count, rays):
+    def tiles(
+        self, query: str, limits: tuple, options: dict, rays: int, has: Callable[[int, int], bool]
+    ) -> Iterator[RayTile]:
+        """Those that are not done yet; of no rays, an empty one, whose results have types."""
+        for first in range(0, max(1, self.count), rays):
             count = min(rays, self.count - first)
-            if done.get(first) != count:
+            if not has(first, count):
                 rows = self._read(first, count)
                 yield RayTile(first, count, query, rows[:, :3], rows[:, 3:], limits, options)

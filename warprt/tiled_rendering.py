@@ -9,7 +9,8 @@ import PIL.Image
 from . import checks
 from .farm import InProcess, Summary, work
 from .image import Image, write_picture
-from .parcel import Recipe
+from .launch import default_threads
+from .parcel import Recipe, recipe_of
 from .pool import WorkerPool
 from .progress import Bar
 from .rendering import Job
@@ -31,6 +32,13 @@ class TiledJob(Job):
             raise ValueError("--workers starts processes here and --scheduler uses those of a cluster: leave out one")
         if options.workers is not None:
             checks.integer(options.workers, "workers", 0, MOST_WORKERS)
+            if (options.device or "").startswith("cuda:"):
+                raise ValueError(
+                    f"--workers share out all devices that are visible, so --device must be cpu or cuda, and "
+                    f"CUDA_VISIBLE_DEVICES says which; got {options.device}"
+                )
+        if options.scheduler is not None and options.threads is not None:
+            raise ValueError("--threads is for processes here: those of a cluster have dask worker --nthreads")
         if options.tile is not None:
             checks.integer(int(options.tile) if options.tile == options.tile // 1 else options.tile, "tile")
         self.is_streamed = is_streamed(self.output, options.size)
@@ -56,7 +64,7 @@ class TiledJob(Job):
 
     @contextmanager
     def _workers(self) -> Iterator[tuple]:
-        """(executor, kind of device of its workers)."""
+        """(executor, recipe, the tracer if it is in this process)."""
         options = self.options
         if options.scheduler is not None:
             from . import cluster
@@ -64,27 +72,36 @@ class TiledJob(Job):
             with cluster.connect(options.scheduler) as client:
                 cluster.require_workers(client)
                 kind = cluster.kind(client, options.device)
-                yield cluster.executor(client, kind), kind
+                yield cluster.executor(client, kind), self._recipe(kind), None
+            return
+        if options.workers is None:
+            tracer = Tracer(self.scene, options.accuracy, options.device, options.accelerator, options.threads)
+            yield InProcess(), recipe_of(tracer), tracer
             return
         kind = "cuda" if as_device(options.device).is_cuda else "cpu"
-        if options.workers is None:
-            with InProcess() as executor:
-                yield executor, kind
-            return
-        with WorkerPool(options.workers or None, options.threads) as executor:
-            yield executor, kind
+        count = options.workers or (None if kind == "cuda" else default_threads())
+        with WorkerPool(count, options.threads) as executor:
+            yield executor, self._recipe(kind), None
+
+    def _recipe(self, kind: str) -> Recipe:
+        return Recipe(self.scene, self.options.accuracy, self.options.accelerator, kind)
 
     def work(self) -> None:
         """Does what is not done yet, writes the files, and says who did what."""
-        with self._workers() as (executor, kind):
-            self.recipe = Recipe(self.scene, self.options.accuracy, self.options.accelerator, kind)
-            self._open_store()
-            try:
-                summary = self._render(executor)
-            except OSError as error:
-                raise OSError(f"{error}; {self._kept()}") from error
-        self._write()
-        self.store.remove()
+        try:
+            with self._workers() as (executor, self.recipe, tracer):
+                self._open_store()
+                summary = self._render(executor, tracer)
+            self._write()
+            self.store.remove()
+        except OSError as error:
+            raise OSError(f"{error}; {self._kept()}" if len(self.store.done) else str(error)) from error
+        except KeyboardInterrupt:
+            if self.store.is_begun and not len(self.store.done):
+                self.store.remove()
+            raise
+        finally:
+            self.store.close()
         self._report(summary)
 
     def _terms(self) -> dict:
@@ -109,7 +126,7 @@ class TiledJob(Job):
             print(f"warprt: {folder} was begun with another {', '.join(others)}; begins anew", file=sys.stderr)
             self.store.remove()
             self.store.begin(terms)
-        elif self.store.done:
+        elif len(self.store.done):
             print(f"warprt: goes on, {self._done()} are in {folder}", file=sys.stderr)
 
     def _tiles(self) -> Iterator[PictureTile]:
@@ -128,13 +145,13 @@ class TiledJob(Job):
                 k * height,
             )
 
-    def _render(self, executor) -> Summary:
+    def _render(self, executor, tracer: Tracer | None) -> Summary:
         left = (tile for tile in self._tiles() if not self.store.has(tile))
         rays_of_row = self.options.size[0] * self.samples
         with Bar(self.output.name, self.height * rays_of_row) as progress:
-            progress.first = sum(self.store.done.values()) * rays_of_row
+            progress.first = len(self.store.done) * rays_of_row
             progress(0)
-            return work(executor, self.recipe, left, self.store.put, progress)
+            return work(executor, self.recipe, left, self.store.put, progress, tracer)
 
     def _write(self) -> None:
         width, height = self.options.size
@@ -170,11 +187,11 @@ class TiledJob(Job):
         print(summary)
 
     def _done(self) -> str:
-        return f"{sum(self.store.done.values())} of {self.height} rows"
+        return f"{len(self.store.done)} of {self.height} rows"
 
     def _kept(self) -> str:
         return f"{self._done()} are kept in {self.store.folder}, and the same command goes on"
 
     def keep(self) -> str:
         """What to say when the work is interrupted: tiles are on the disk already."""
-        return f"interrupted; {self._kept()}" if self.store.done else "interrupted"
+        return f"interrupted; {self._kept()}" if len(self.store.done) else "interrupted"

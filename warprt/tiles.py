@@ -14,7 +14,9 @@ if TYPE_CHECKING:
     from .tracer import Tracer
 
 TILE_RAYS = {"cpu": 1 << 18, "cuda": 1 << 23}
-"""Rays of a tile unless told otherwise; docs/scaling.md says why."""
+"""Camera rays of a tile unless told otherwise; docs/scaling.md says why."""
+BATCH_RAYS = {"cpu": 1 << 18, "cuda": 1 << 20}
+"""Rays of a batch unless told otherwise: those of a camera are made where they are traced, these travel."""
 MOST_PIXELS = 1 << 22
 """Pixels of a tile, so that few samples do not make large results."""
 
@@ -74,6 +76,11 @@ class RayTile:
     def rays(self) -> int:
         """How many rays."""
         return self.count
+
+    @property
+    def bytes(self) -> int:
+        """Of the rays."""
+        return self.origins.nbytes + self.directions.nbytes
 
     def run(self, tracer: "Tracer") -> Arrays:
         """(count, ...) arrays by name."""

@@ -29,7 +29,7 @@ from .parcel import recipe_of
 from .progress import Bar
 from .rays import BYTES, RayPart, Rays, as_directions, as_rays
 from .scene import Scene
-from .tiles import TILE_RAYS, Rows, picture_tiles, ray_tiles
+from .tiles import BATCH_RAYS, TILE_RAYS, Rows, picture_tiles, ray_tiles
 from .typing import Array, ArrayLike
 from .walk import CellWalk, walk_cells
 
@@ -96,8 +96,8 @@ class Tracer:
         self.budget = checks.integer(budget, "budget", 1, 2**62)
         self._real = tier.result
         self._device_scene = assemble(scene, tier, self.device, accelerator == "grid")
-        self.tile_rays = TILE_RAYS[self.kind]
-        """Rays of a piece of work for an executor; may be changed."""
+        self.tile_rays: int | None = None
+        """Rays of a piece of work for an executor; docs/scaling.md gives those of None."""
         self._is_moved = np.zeros(scene.instance_count, bool)
         self._look: tuple | None = None
         self._look_normals: list[bool] = []
@@ -232,13 +232,8 @@ class Tracer:
         if rays.is_device_array:
             raise ValueError("executor= takes rays from NumPy; these are on a device already")
         vectors, limits = (rays.origins, rays.directions), (rays.t_min, rays.t_max)
-        work(
-            executor,
-            recipe_of(self),
-            ray_tiles(query, vectors, limits, options, self.tile_rays),
-            put,
-            tracer=self,
-        )
+        tiles = ray_tiles(query, vectors, limits, options, self.tile_rays or BATCH_RAYS[self.kind])
+        work(executor, recipe_of(self), tiles, put, tracer=self)
 
     def walk(self, origin: ArrayLike, direction: ArrayLike) -> CellWalk:
         """The cells of mesh grids that one ray, given by two (3,) vectors, pierces up to its hit, in order.
@@ -326,7 +321,8 @@ class Tracer:
             if preview is not None:
                 raise ValueError("preview= shows the samples of one process: leave out executor=, or preview=")
             options = {"samples": samples, "max_bounces": max_bounces, "integrator": integrator, "noise": noise}
-            tiles = picture_tiles(camera, (width, height), names, options, rows, self.tile_rays)
+            rays = self.tile_rays or TILE_RAYS[self.kind]
+            tiles = picture_tiles(camera, (width, height), names, options, rows, rays)
             return self._render_shared_out(tiles, executor, rows[1], rows[1] * width * samples, progress)
         arrays: dict[str, np.ndarray] = {}
         of_film = [name for name in names if name in FILM]
