@@ -90,28 +90,39 @@ def scene():
     return ready.load("sphereflake")
 
 
+def scattered(client, monkeypatch):
+    """What is scattered from now on."""
+    sent, scatter = [], type(client).scatter
+    monkeypatch.setattr(type(client), "scatter", lambda *a, **o: sent.append(a[1]) or scatter(*a, **o))
+    return sent
+
+
 @pytest.mark.usefixtures("small_tiles")
-def test_pictures_and_rays_are_the_same_bits_and_the_scene_travels_once(scene, client, rng):
+def test_pictures_and_rays_are_the_same_bits_and_the_scene_travels_once(scene, client, rng, monkeypatch):
     tracer = rt.Tracer(scene, device="cpu")
     executor = client.get_executor()
-    images_agree(tracer.render(**OPTIONS), tracer.render(**OPTIONS, executor=executor))
+    sent = scattered(client, monkeypatch)
+    image = tracer.render(**OPTIONS, executor=executor)
+    images_agree(tracer.render(**OPTIONS), image)
+    assert 1 <= len(image.summary.tiles) <= 4
+    assert set(image.summary.scenes.values()) == {1}
     origins, directions = rng.normal(size=(1000, 3)) * 5, rng.normal(size=(1000, 3))
     hits, shared = (tracer.cast(origins, directions, executor=e) for e in (None, executor))
     for name in rt.hits.FIELDS:
         np.testing.assert_array_equal(getattr(shared, name), getattr(hits, name))
-    # Two pieces of work, one scene: unpacked at most once by each worker, and brought to each once.
+    # Two pieces of work, one scene: unpacked at most once by each worker, and brought to all once.
+    assert [type(part) for part in sent] == [parcel.Parcel]
     made = client.run(lambda: len(sys.modules["warprt.parcel"]._tracers))
     assert max(made.values()) == 1
     # Results do not stay there.
     for _ in range(100):
         kept = client.run(lambda dask_worker: [type(value).__name__ for value in dask_worker.data.values()])
-        if list(kept.values()) == [["Parcel"]] * 4:
+        # Dask leaves one of several copies after two seconds without work.
+        if {name for names in kept.values() for name in names} == {"Parcel"}:
             break
         time.sleep(0.1)
     else:
         raise AssertionError(kept)
-    (where,) = client.who_has([cluster._scattered[client][1]]).values()
-    assert len(where) == 4
 
 
 def test_many_rays_do_not_go_through_the_scheduler_with_the_task(scene, client, rng, monkeypatch):
@@ -119,8 +130,7 @@ def test_many_rays_do_not_go_through_the_scheduler_with_the_task(scene, client, 
     monkeypatch.setattr(cluster, "SMALL", 1000)
     tracer = rt.Tracer(scene, device="cpu")
     tracer.tile_rays = 400
-    sent, scatter = [], type(client).scatter
-    monkeypatch.setattr(type(client), "scatter", lambda *a, **o: sent.append(a[1]) or scatter(*a, **o))
+    sent = scattered(client, monkeypatch)
     rays = rng.normal(size=(1000, 6)) * 5
     t = tracer.cast(rays[:, :3], rays[:, 3:], executor=client.get_executor()).t
     np.testing.assert_array_equal(t, tracer.cast(rays[:, :3], rays[:, 3:]).t)

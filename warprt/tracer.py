@@ -294,7 +294,8 @@ class Tracer:
         progress: True for a progress bar, or called as progress(done, total) now and then with counts of camera rays.
         preview: called as preview(image, samples) after 1, 2, 4, ... samples of all pixels, with those of colour,
         variance and samples that are asked for; if it returns False, they are the last. executor: any of
-        `concurrent.futures`, to which bands of rows go, see docs/scaling.md. None of these changes a bit of the result.
+        `concurrent.futures`, to which bands of rows go, see docs/scaling.md; `Image.summary` says who made them.
+        None of these changes a bit of the result.
 
         Raises ValueError for sizes and counts that are not integers of at least 1 (max_bounces: 0), for rows that
         the picture has not, and for an unknown integrator, output or camera.
@@ -341,8 +342,8 @@ class Tracer:
         picture = Rows(height)
         with Bar("render", rays) if progress is True else nullcontext(progress or None) as report:
             step = None if report is None else lambda done: report(done, rays)
-            work(executor, recipe_of(self), tiles, picture.put, step, self)
-        return Image(picture.arrays)
+            summary = work(executor, recipe_of(self), tiles, picture.put, step, self)
+        return Image(picture.arrays, summary)
 
     def framing_camera(self) -> Camera:
         """A camera that sees all bounded shapes."""
