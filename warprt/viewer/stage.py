@@ -98,7 +98,7 @@ class Stage:
                     batched_scales=batch.scale,
                     batched_colors=batch.color,
                     lod="off",
-                    flat_shading=len(batch.faces) <= 12,
+                    flat_shading=batch.is_flat,
                     side="double",
                     cast_shadow=False,
                     receive_shadow=False,
