@@ -101,7 +101,9 @@ def trimesh_of(k):
 
 def test_planes_keep_their_colors():
     plane = rt.Plane((0, 0, 0), (0, 1, 0))
-    scene = rt.Scene([rt.Instance(plane, None, rt.Material((1, 0, 0))), rt.Instance(plane, None, rt.Material((0, 1, 0)))])
+    scene = rt.Scene(
+        [rt.Instance(plane, None, rt.Material((1, 0, 0))), rt.Instance(plane, None, rt.Material((0, 1, 0)))]
+    )
     assert sorted(batch.color.tolist() for batch in drawn(scene, SPACE).batches) == [[[0, 255, 0]], [[255, 0, 0]]]
 
 

@@ -17,7 +17,7 @@ from urllib.parse import parse_qs
 
 from .. import checks
 from .hosts import is_expected, is_own_page, names_of
-from .page import Page
+from .page import Page, encoded
 
 MOST_PORTS = 100
 """Tried after the first one that is taken."""
@@ -39,7 +39,16 @@ HEADERS = {
     "Cross-Origin-Resource-Policy": "same-origin",
     "Referrer-Policy": "no-referrer",
 }
-POLICY = "default-src 'self'; img-src 'self' blob: data:; object-src 'none'"
+POLICY = "default-src 'self'; img-src 'self' blob: data:; object-src 'none'; base-uri 'none'; form-action 'none'"
+CLIENT_POLICY = (
+    "default-src 'none'; script-src 'unsafe-inline' 'unsafe-eval' blob: data:; worker-src blob: data:; "
+    "style-src 'unsafe-inline'; img-src blob: data:; font-src data:; connect-src 'self' blob: data:; "
+    "base-uri 'none'; form-action 'none'"
+)
+"""viser's client is one file, which makes what it needs itself; it may talk to us alone.
+
+Who may show it in a frame is not said: in a notebook, whose address may be any, our page is in a frame itself.
+"""
 BARE = (
     "<style>.mantine-Notifications-root, .mantine-Paper-root, .mantine-Modal-root { display: none !important; }</style>"
 )
@@ -88,8 +97,9 @@ class Web:
 
     def tell_all(self, kind: str, message: dict | bytes) -> None:
         """Sends to all pages, from any thread; of one kind, a page that is slow gets the latest alone."""
+        text = encoded(kind, message)
         with contextlib.suppress(RuntimeError):  # the loop is closed
-            self._loop.call_soon_threadsafe(self._offer, kind, message)
+            self._loop.call_soon_threadsafe(self._offer, kind, text)
 
     def stop(self) -> None:
         """Closes the port and all connections."""
@@ -98,9 +108,9 @@ class Web:
         if threading.current_thread() is not self._thread:
             self._thread.join(5.0)
 
-    def _offer(self, kind: str, message: dict | bytes) -> None:
+    def _offer(self, kind: str, message: str | bytes) -> None:
         for page in self._pages:
-            page.tell(kind, message)
+            page.offer(kind, message)
 
     def _run(self) -> None:
         asyncio.set_event_loop(self._loop)
@@ -269,8 +279,8 @@ def _response(
     from websockets.http11 import Response
 
     headers = Headers({"Content-Type": kind, "Content-Length": str(len(body)), "Connection": "close", **HEADERS})
-    if kind.startswith("text/html") and BARE.encode() not in body:
-        headers["Content-Security-Policy"] = POLICY
+    if kind.startswith("text/html"):
+        headers["Content-Security-Policy"] = CLIENT_POLICY if BARE.encode() in body else POLICY
     if location:
         headers["Location"] = location
     if disposition:
