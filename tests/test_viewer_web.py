@@ -305,9 +305,12 @@ def test_all_pages_share_one_camera(viewer, talk):
         with a_preview(viewer, rt.Camera((9, 9, 9))) as (second, two):
             begin = viewer._preview.server.initial_camera
             np.testing.assert_allclose(begin.position, viewer.space.to_browser(away.position), atol=1e-6)
-            for camera in (home, away):
+            # viser's page reports where it would begin by itself, before and after what it was told.
+            center, scale = viewer.space.center, viewer.space.scale
+            by_itself = rt.Camera(center + scale * np.array([3, 3, 3]), center)
+            for camera in (by_itself, home, away, by_itself, away):
                 second.send(camera_message(viewer, camera))
-            wait_until(lambda: is_at(viewer, two, away))
+                wait_until(lambda camera=camera: is_at(viewer, two, camera))
             assert is_same(viewer.camera, away, 1e-6)
             # Its user moves it: the other page's goes there too, when the picture is done.
             second.send(camera_message(viewer, farther))

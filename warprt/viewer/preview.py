@@ -3,6 +3,8 @@
 import time
 from collections.abc import Callable
 
+import numpy as np
+
 from ..camera import Camera
 from .space import Space
 from .stage import Stage, is_same
@@ -13,6 +15,9 @@ NEAR_ENOUGH = 1e-3
 """What a page that was told a camera may make of it."""
 SETTLE_S = 1.5
 """A page may report other cameras until it has done as it was told; only so long."""
+
+VISER_AWAY = 3 * 3**0.5
+"""At (3, 3, 3) in its own axes, looking at the origin."""
 
 
 class Preview(Stage):
@@ -64,10 +69,17 @@ class Preview(Stage):
                 self._move_one(client, camera)
 
     def _camera_of(self, moved) -> Camera | None:
+        if _is_of_viser(moved):
+            return None
         try:
             return self.space.camera(moved.position, moved.wxyz, moved.look_at, moved.up_direction, moved.fov)
         except ValueError:
             return None  # a browser may report what is no view, for a moment
+
+
+def _is_of_viser(camera) -> bool:
+    """Whether this is where viser's page begins by itself: it reports that too, even after what it was told."""
+    return not np.any(camera.look_at) and abs(float(np.linalg.norm(camera.position)) - VISER_AWAY) < 1e-6
 
 
 class _Page:
