@@ -169,7 +169,7 @@ def test_ten_thousand_copies_are_made_light_and_it_is_said(rng):
     # A box has 12 triangles, and is the least there is.
     assert 1000 < triangles_in(light) <= WITHOUT_GPU.drawn + 12 * WITHOUT_GPU.copies
     assert sum(len(batch.position) for batch in light.batches) <= WITHOUT_GPU.copies
-    assert light.notes[0].startswith("10,001 placements: 1 in 10 is shown")
+    assert light.notes[0].startswith("10,001 placements: 1 in 16.7 is shown")
 
 
 def test_more_copies_than_a_browser_takes_are_thinned_out(rng):

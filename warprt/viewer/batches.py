@@ -29,8 +29,8 @@ class Budget:
     copies: int  # placements in all
 
 
-WITH_GPU, WITHOUT_GPU = Budget(500_000, 300_000, 50_000), Budget(15_000, 15_000, 1_000)
-"""Without one, WebGL draws about a million triangles a second (measured on two cores), and everything waits for it."""
+WITH_GPU, WITHOUT_GPU = Budget(500_000, 300_000, 50_000), Budget(8_000, 8_000, 600)
+"""Without one, WebGL takes most of two cores for several such pictures a second, and everything waits for it."""
 FEWEST = 60
 """A shape of fewer triangles than this is no longer itself: a box says as much."""
 PLANE_REACH = 50.0

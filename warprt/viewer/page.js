@@ -82,20 +82,22 @@ async function receiveFrame(buffer) {
 function hasGpu() {
   const gl = document.createElement("canvas").getContext("webgl2");
   const names = gl && gl.getExtension("WEBGL_debug_renderer_info");
-  return !names || !/swiftshader|llvmpipe|software/i.test(gl.getParameter(names.UNMASKED_RENDERER_WEBGL));
+  const isWeak = names && /swiftshader|llvmpipe|software/i.test(gl.getParameter(names.UNMASKED_RENDERER_WEBGL));
+  gl?.getExtension("WEBGL_lose_context")?.loseContext();
+  return !isWeak;
 }
 
-// The 3-D windows, which take a browser a second or more to set up: only after the first picture is there.
-function openWindows() {
-  const frames = document.querySelectorAll("iframe[data-src]");
-  if (!frames.length) return;
-  // Without a GPU, fewer triangles and a quarter of the pixels leave the page time for the rest.
+// The 3-D windows, which take a browser a second or more to set up: only after the first picture is there, and one by one.
+async function openWindows() {
+  if (state.isOpen) return;
+  state.isOpen = true;
+  // Without a GPU, fewer triangles and fewer pixels leave the page time for the rest.
   state.isWeak = !hasGpu();
-  const detail = state.isWeak ? "&fixedDpr=0.5" : "";
   if (state.isWeak) say({ type: "weak" });
-  for (const frame of frames) {
-    frame.src = frame.dataset.src + detail;
-    frame.removeAttribute("data-src");
+  for (const frame of document.querySelectorAll("iframe[data-src]")) {
+    const loaded = new Promise((done) => frame.addEventListener("load", done, { once: true }));
+    frame.src = frame.dataset.src + (state.isWeak ? "&fixedDpr=0.75" : "");
+    await loaded;
   }
 }
 

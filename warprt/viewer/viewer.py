@@ -34,7 +34,7 @@ REMEMBERED = 256
 """Cameras of late pictures: a click is on what was shown, not on what is about to be."""
 MOST_SIDE = 8192
 WORLD_S = 1.0
-"""Between two changes of the first camera in the world view, which a browser draws anew each time."""
+"""Between two changes of the moving camera in the world view; a browser without a GPU draws it when it rests."""
 NO_PICK = {"pixel": None, "segments": [], "cells": [], "view": -1}
 
 
@@ -195,7 +195,8 @@ class Viewer:
             if frame.is_final and shot.view == self._view:
                 self._picture = picture
         self._web.tell_all("frame", message)
-        if frame.is_final or (frame.step > 1 and time.monotonic() - self._world_shown > WORLD_S):
+        is_due = frame.step > 1 and time.monotonic() - self._world_shown > WORLD_S
+        if frame.is_final or (is_due and not self._is_light):
             self._world_shown = time.monotonic()
             self._world.show_camera(shot.camera, frame.levels)
             self._preview.follow(shot.camera)

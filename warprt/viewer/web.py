@@ -49,10 +49,6 @@ CLIENT_POLICY = (
 
 Who may show it in a frame is not said: in a notebook, whose address may be any, our page is in a frame itself.
 """
-BARE = (
-    "<style>.mantine-Notifications-root, .mantine-Paper-root, .mantine-Modal-root { display: none !important; }</style>"
-)
-"""viser's own panel would repeat ours, in too small a window."""
 
 
 def listening(host: str, port: int) -> socket.socket:
@@ -152,7 +148,7 @@ class Web:
             return _response(http.HTTPStatus.FOUND, "text/plain", b"", location=f"{path}?hideViserLogo")
         if path not in self._files:
             return _response(http.HTTPStatus.NOT_FOUND, "text/plain", b"There is no such page.\n")
-        return _response(http.HTTPStatus.OK, *self._files[path])
+        return _response(http.HTTPStatus.OK, *self._files[path], policy=CLIENT_POLICY if path in CLIENTS else POLICY)
 
     def _answer_picture(self):
         found = self._picture()
@@ -258,9 +254,9 @@ def _files() -> dict[str, tuple[str, bytes]]:
     kinds["/page.css"] = "page.css", "text/css"
     files = {path: (f"{kind}; charset=utf-8", (here / name).read_bytes()) for path, (name, kind) in kinds.items()}
     client = (Path(viser.__file__).parent / "client" / "build" / "index.html").read_text(encoding="utf-8")
-    bare = client.replace("</head>", f"{BARE}</head>", 1).encode()
+    head = (here / "client_head.html").read_text(encoding="utf-8")
     for stage in CLIENTS:
-        files[stage] = "text/html; charset=utf-8", bare
+        files[stage] = "text/html; charset=utf-8", client.replace("</head>", f"{head}</head>", 1).encode()
     return files
 
 
@@ -273,14 +269,18 @@ def _asks_no_more(path: str) -> bool:
 
 
 def _response(
-    status: http.HTTPStatus, kind: str, body: bytes, disposition: str | None = None, location: str | None = None
+    status: http.HTTPStatus,
+    kind: str,
+    body: bytes,
+    disposition: str | None = None,
+    location: str | None = None,
+    policy: str = POLICY,
 ):
     from websockets.datastructures import Headers
     from websockets.http11 import Response
 
     headers = Headers({"Content-Type": kind, "Content-Length": str(len(body)), "Connection": "close", **HEADERS})
-    if kind.startswith("text/html"):
-        headers["Content-Security-Policy"] = CLIENT_POLICY if BARE.encode() in body else POLICY
+    headers["Content-Security-Policy"] = policy
     if location:
         headers["Location"] = location
     if disposition:
