@@ -200,6 +200,15 @@ def test_decimated_sphere_is_a_sphere(most):
     assert decimated(ball.vertices, ball.faces, 20480)[1] is ball.faces
 
 
+@pytest.mark.parametrize(("height", "most"), [(1, 5000), (0.3, 500), (0.3, 5000)])
+def test_decimated_ellipsoid_has_no_folds(height, most):
+    ball, size = trimesh.creation.icosphere(6), np.array([1, 1, height])
+    vertices, faces = decimated(ball.vertices * size, ball.faces, most)
+    a, b, c = np.moveaxis(vertices[faces], 1, 0)
+    outwards = (a + b + c) / size**2
+    assert (np.cross(b - a, c - a) * outwards).sum(axis=1).min() > 0
+
+
 def test_mesh_without_size_is_drawn_too():
     point = rt.Mesh([(1, 1, 1)] * 3, [(0, 1, 2)])
     found = drawn(rt.Scene([point]), SPACE)
