@@ -2,8 +2,8 @@
 
 First picture: from the call that opens the page to the first drawn picture. Coarse frames: pictures of new cameras that
 the page has drawn, each second, while the preview is dragged without a break; and without any browser, to tell our
-share of that from WebGL's. Copies: how long the page does not answer at a time, with 10,000 of them, and with one sphere,
-to tell their share of that from what viser's page takes to set itself up.
+share of that from WebGL's. Copies: how long the page does not answer at a time, with 10,000 of them; and with one
+sphere, to tell their share of that from what viser's page takes to set itself up.
 """
 
 import argparse
