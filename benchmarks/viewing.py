@@ -2,7 +2,8 @@
 
 First picture: from the call that opens the page to the first drawn picture. Coarse frames: pictures of new cameras that
 the page has drawn, each second, while the preview is dragged without a break; and without any browser, to tell our
-share of that from WebGL's. Copies: how long the page does not answer at a time, with 10,000 of them.
+share of that from WebGL's. Copies: how long the page does not answer at a time, with 10,000 of them; and with one
+sphere, to tell their share of that from what viser's page takes to set itself up.
 """
 
 import argparse
@@ -114,9 +115,8 @@ def served() -> dict:
     return {"frames_per_s": count / DRAG_S}
 
 
-def copies(browser) -> dict:
+def stalls(browser, scene: rt.Scene) -> dict:
     """How long the page does not answer at a time, and what is drawn."""
-    scene = copies_scene()
     rt.Tracer(scene).render(size=(8, 8))  # loads kernels
     viewer = rt.view(scene, size=SIZE, port=0)
     page = opened(browser, viewer)
@@ -127,6 +127,7 @@ def copies(browser) -> dict:
     found = {
         "first_picture_s": seen["first"] / 1000,
         "longest_gap_s": max(gap for _, gap in seen["gaps"]) / 1000,
+        "sum_of_gaps_s": sum(gap for _, gap in seen["gaps"]) / 1000,
         "longest_gap_after_10_s": max(late, default=0) / 1000,
         "triangles_drawn": drawn,
         "notes": viewer.notes,
@@ -151,7 +152,8 @@ MEASURES = {
     "served": lambda browser: served(),
     "dragged in 900x560": lambda browser: dragged(browser, (900, 560)),
     "dragged in 1400x800": lambda browser: dragged(browser, (1400, 800)),
-    "copies": copies,
+    "one sphere": lambda browser: stalls(browser, rt.Scene([rt.Sphere()])),
+    "copies": lambda browser: stalls(browser, copies_scene()),
 }
 
 

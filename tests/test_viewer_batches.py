@@ -48,6 +48,65 @@ def test_copies_are_where_the_scene_has_them(sheared, rng):
     assert not found.notes
 
 
+def ball_mesh(radius=1.0):
+    ball = trimesh.creation.icosphere(1)
+    return rt.Mesh(ball.vertices * radius, ball.faces)
+
+
+def test_copies_made_one_by_one_are_one_batch(rng):
+    mesh, matrices = ball_mesh(), random_matrices(rng, 1000, False)
+    paints = [rt.Material(tuple(color)) for color in rng.integers(0, 256, (1000, 3)) / 255]
+    singles = [rt.Instance(mesh, matrix, paint) for matrix, paint in zip(matrices[1:], paints[1:], strict=True)]
+    found = drawn(rt.Scene([*singles, rt.Instances(mesh, matrices[:1], [paints[0]])]), SPACE)
+    (batch,) = found.batches
+    assert len(batch.position) == 1000
+    np.testing.assert_array_equal(batch.color[:-1], np.rint([255 * np.array(paint.diffuse) for paint in paints[1:]]))
+    np.testing.assert_array_equal(batch.color[-1], np.rint(255 * np.array(paints[0].diffuse)))
+
+
+def test_thousands_of_shapes_and_colors_are_a_few_meshes(rng):
+    shapes, matrices = [ball_mesh(0.5 + k / 1000) for k in range(1000)], random_matrices(rng, 1000, True)
+    paints = [rt.Material(tuple(color)) for color in rng.uniform(0, 1, (1000, 3))]
+    scene = rt.Scene([rt.Instance(*parts) for parts in zip(shapes, matrices, paints, strict=True)])
+    found = drawn(scene, SPACE)
+    assert 30 < len(found.batches) <= 264
+    corners = np.stack([shape.vertices[shape.faces] for shape in shapes]).astype(float)
+    world = np.einsum("nij,nfkj->nfki", matrices[:, :3, :3], corners) + matrices[:, None, None, :3, 3]
+    expected = ((world.reshape(-1, 9) - np.tile(SPACE.center, 3)) / 4).astype(np.float32)
+    got = soup_of(found).reshape(-1, 9)
+    assert got.shape == expected.shape
+    np.testing.assert_allclose(np.sort(got, axis=0), np.sort(expected, axis=0), atol=1e-5)
+    # Of colours that are many, each is near its own.
+    mean = np.mean([np.array(paint.diffuse) for paint in paints], axis=0)
+    weights = [len(batch.faces) * len(batch.position) for batch in found.batches]
+    shown = np.average([batch.color[0] for batch in found.batches], axis=0, weights=weights) / 255
+    np.testing.assert_allclose(shown, mean, atol=0.01)
+    # A browser without a GPU gets some of them, and it is said.
+    light = drawn(scene, SPACE, Budget(15_000, 15_000, 100))
+    assert triangles_in(light) <= 15_000
+    assert light.notes[0].startswith("1,000 placements: 1 in 10 is shown")
+
+
+def test_notes_are_no_more_than_can_be_read():
+    shapes = [rt.Mesh(*trimesh_of(k)) for k in range(20)]
+    found = drawn(rt.Scene(shapes), SPACE, Budget(2000, 2000, 100))
+    assert len(found.notes) == 6
+    assert found.notes[-1] == "6 more shapes are shown with fewer triangles."
+
+
+def trimesh_of(k):
+    ball = trimesh.creation.uv_sphere(count=(10 + k, 20))
+    return ball.vertices, ball.faces
+
+
+def test_planes_keep_their_colors():
+    plane = rt.Plane((0, 0, 0), (0, 1, 0))
+    scene = rt.Scene(
+        [rt.Instance(plane, None, rt.Material((1, 0, 0))), rt.Instance(plane, None, rt.Material((0, 1, 0)))]
+    )
+    assert sorted(batch.color.tolist() for batch in drawn(scene, SPACE).batches) == [[[0, 255, 0]], [[255, 0, 0]]]
+
+
 def test_exact_shapes_are_cut_into_triangles_on_them():
     scene = rt.Scene([rt.Instance(rt.Sphere((1, 2, 3), 2), rt.Transform().scale(1, 1, 3)), rt.Cone(), rt.Disk()])
     found = drawn(scene, SPACE)
@@ -110,7 +169,7 @@ def test_ten_thousand_copies_are_made_light_and_it_is_said(rng):
     # A box has 12 triangles, and is the least there is.
     assert 1000 < triangles_in(light) <= WITHOUT_GPU.drawn + 12 * WITHOUT_GPU.copies
     assert sum(len(batch.position) for batch in light.batches) <= WITHOUT_GPU.copies
-    assert light.notes[0].startswith("10,001 placements: 1 in 10 is shown")
+    assert light.notes[0].startswith("10,001 placements: 1 in 16.7 is shown")
 
 
 def test_more_copies_than_a_browser_takes_are_thinned_out(rng):
@@ -139,6 +198,15 @@ def test_decimated_sphere_is_a_sphere(most):
     assert mesh.volume > 3.9 or most < 5000
     assert np.linalg.norm(vertices, axis=1).min() > 0.5
     assert decimated(ball.vertices, ball.faces, 20480)[1] is ball.faces
+
+
+@pytest.mark.parametrize(("height", "most"), [(1, 5000), (0.3, 500), (0.3, 5000)])
+def test_decimated_ellipsoid_has_no_folds(height, most):
+    ball, size = trimesh.creation.icosphere(6), np.array([1, 1, height])
+    vertices, faces = decimated(ball.vertices * size, ball.faces, most)
+    a, b, c = np.moveaxis(vertices[faces], 1, 0)
+    outwards = (a + b + c) / size**2
+    assert (np.cross(b - a, c - a) * outwards).sum(axis=1).min() > 0
 
 
 def test_mesh_without_size_is_drawn_too():

@@ -10,6 +10,7 @@ import pytest
 from viewer_scene import SIZE, viewer_scene
 
 import warprt as rt
+from warprt.viewer.cell_lines import EDGES
 
 pytest.importorskip("viser", reason="viser is not installed: pip install 'warprt[viewer]'")
 sync_api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed: pip install playwright")
@@ -83,7 +84,7 @@ class Opened:
     def shift_click(self, column, row):
         """On the middle of a pixel, as it is drawn on the screen."""
         box = self.page.locator("#picture").bounding_box()
-        place, window = self.page.evaluate("[warprt.place, warprt.window]")
+        place, window = self.page.evaluate("[warprt.place, warprt.place.window]")
         x = (place["left"] + (column + 0.5) * place["width"] / SIZE[0]) / window["ratio"]
         y = (place["top"] + (row + 0.5) * place["height"] / SIZE[1]) / window["ratio"]
         self.page.keyboard.down("Shift")
@@ -111,6 +112,47 @@ def test_shift_click_is_on_the_pixel_that_is_seen(browser, viewer, width, height
     opened.close()
 
 
+def test_click_during_a_resize_is_on_what_is_seen(browser, viewer):
+    opened = Opened(browser, viewer)
+    # The page has not drawn anew when the click comes: what it has drawn is stretched.
+    opened.page.evaluate("""() => {
+      const { left, top, width, height, window } = warprt.place, picture = document.getElementById("picture");
+      document.getElementById("window").style.cssText = "flex: none; height: 150px";
+      warprt.pick = null;
+      const box = picture.getBoundingClientRect();
+      const x = (left + (70.5 / 80) * width) / window.ratio, y = (top + (50.5 / 60) * height) / window.ratio;
+      const clientX = box.left + (x * box.width) / window.width, clientY = box.top + (y * box.height) / window.height;
+      picture.dispatchEvent(new PointerEvent("pointerdown", { shiftKey: true, button: 0, clientX, clientY }));
+    }""")
+    opened.wait("warprt.pick")
+    assert opened.page.evaluate("warprt.pick.pixel") == [70, 50]
+    opened.wait("warprt.place.window.height === 150")
+    opened.page.keyboard.press("Escape")
+    opened.wait("warprt.pick === null")
+    opened.close()
+
+
+def test_windows_work_under_their_policies(browser, viewer):
+    """Here without the help of the fixture's `bypass_csp`."""
+    page, said = browser.new_page(viewport={"width": 900, "height": 560}), []
+    page.set_default_timeout(TIMEOUT_MS)
+    page.on("console", lambda message: said.append(message.text))
+    page.on("pageerror", lambda error: said.append(str(error)))
+    page.goto(viewer.url)
+    for name in ("preview", "world"):
+        page.frame_locator(f"#{name} iframe").locator("canvas").first.wait_for()
+        for _ in range(60):
+            picture = PIL.Image.open(io.BytesIO(page.locator(f"#{name} iframe").screenshot())).convert("RGB")
+            r, _, b = np.moveaxis(np.asarray(picture, int), -1, 0)
+            if (r - b > 40).sum() > 50:  # the ball, which is brown
+                break
+            page.wait_for_timeout(200)
+        else:
+            raise AssertionError(f"the scene did not come into the {name} window")
+    assert not [text for text in said if "Content Security Policy" in text]
+    page.close()
+
+
 def test_red_cells_are_those_of_walk(browser, viewer):
     opened = Opened(browser, viewer, has_3d=True)
     page, world = opened.page, opened.page.frame_locator("#world iframe")
@@ -121,6 +163,12 @@ def test_red_cells_are_those_of_walk(browser, viewer):
     assert page.locator("#rows tr").count() == len(walk)
     assert page.locator("#rows tr.found").count() == 1
     assert "column 50, row 37" in page.inner_text("#pixel")
+    # What is drawn in red: the twelve edges of each of those cells, and no others.
+    kinds = ("jumped", "empty", "tested", "found")
+    drawn = np.concatenate([viewer._world.lines(f"/path/cells 0 {kind}") for kind in kinds])
+    expected = viewer.space.to_browser(walk.corners)[:, EDGES].reshape(-1, 2, 3)
+    assert drawn.shape == expected.shape
+    np.testing.assert_allclose(*(np.sort(lines.reshape(-1, 6), axis=0) for lines in (drawn, expected)), atol=1e-5)
     # The world view goes to the cells, which then are what is red there.
     page.keyboard.press("z")
     for _ in range(60):

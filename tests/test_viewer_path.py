@@ -5,11 +5,23 @@ import pytest
 from viewer_scene import SIZE, viewer_scene
 
 import warprt as rt
-from warprt.viewer.cell_lines import EDGES, FACES, KINDS, boxes_of, edge_lines, kinds_of, normal_lines, ray_lines
+from warprt.viewer.cell_lines import (
+    EDGES,
+    FACES,
+    KINDS,
+    CellBox,
+    boxes_of,
+    edge_lines,
+    kinds_of,
+    most_telling,
+    normal_lines,
+    ray_lines,
+)
 from warprt.viewer.panel import camera_as_python, path_report
 from warprt.viewer.path import material_of, pixel_ray, placement_of, trace_path
 from warprt.viewer.space import Space, framed, viewing_camera
-from warprt.viewer.stage import from_beside, is_same
+from warprt.viewer.stage import is_same
+from warprt.viewer.world_view import from_beside
 
 AHEAD = [(1, 0, 0, 0), (0, -1, 0, 0), (0, 0, -1, 5), (0, 0, 0, 1)]
 """camera_from_world at (0, 0, 5), looking along -z."""
@@ -159,6 +171,21 @@ def test_space_of_any_scene_has_what_is_looked_at_near_its_middle(scale, away):
 
 
 @pytest.mark.parametrize(
+    ("plane", "unit"),
+    [
+        (rt.Plane((0, 0, -2), (0, 0, 1)), 2),
+        (rt.Plane((0, 0, -1e-3), (0, 0, 1)), 0.4),  # as good as touched
+        (rt.Plane((0, -0.3, 0), (0, 1, 0)), 40),  # met at the horizon, at 1.2e5
+    ],
+)
+def test_unit_of_the_space_is_near_the_distance_of_the_target(plane, unit):
+    camera = rt.Camera((0, 0, 0), (0, -1e-5, -4))
+    space = framed(rt.Tracer(rt.Scene([plane]), device="cpu"), camera)
+    assert space.scale == pytest.approx(unit, rel=1e-4)
+    np.testing.assert_allclose(space.center, unit * camera.frame()[2], rtol=1e-4)
+
+
+@pytest.mark.parametrize(
     "camera, name",
     [
         (rt.OrthographicCamera((0, 0, 5), height=3), "OrthographicCamera"),
@@ -173,3 +200,17 @@ def test_other_cameras_become_perspective_ones(camera, name):
     assert name in note
     np.testing.assert_allclose(found.position, (0, 0, 5), atol=1e-9)
     np.testing.assert_allclose(found.frame()[2], (0, 0, -1), atol=1e-9)
+
+
+def test_parallel_view_is_as_high_at_its_target():
+    camera = rt.OrthographicCamera((0, 0, 5), height=3)
+    found, _ = viewing_camera(rt.Tracer(rt.Scene([rt.Sphere()], camera=camera), device="cpu"))
+    assert 2 * 5 * np.tan(np.radians(found.fov_deg) / 2) == pytest.approx(3)
+
+
+def test_of_very_many_cells_those_that_tell_most_are_drawn():
+    kinds = ["jumped"] * 30 + ["empty"] * 30 + ["tested"] * 5 + ["found"]
+    boxes = [CellBox(0, k, kind, np.zeros((8, 3))) for k, kind in enumerate(kinds)]
+    assert most_telling(boxes, 66) is boxes
+    assert [box.index for box in most_telling(boxes, 40)] == [*range(4), *range(30, 66)]
+    assert [box.kind for box in most_telling(boxes, 1)] == ["found"]

@@ -1,6 +1,5 @@
 """The viewer's web server: who gets in, what it serves, and what strangers may say to it."""
 
-import asyncio
 import contextlib
 import http.client
 import io
@@ -11,6 +10,7 @@ import subprocess
 import sys
 import threading
 import time
+from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
@@ -21,14 +21,19 @@ from viewer_scene import SIZE, moved, viewer_scene
 
 import warprt as rt
 from warprt import cli
+from warprt.viewer.batches import drawn
 from warprt.viewer.hosts import is_expected, is_loopback, is_own_page, names_of
-from warprt.viewer.reach import how_to_reach, url_of
+from warprt.viewer.page import Page
+from warprt.viewer.reach import frame_url, how_to_reach, url_of
 from warprt.viewer.settings import Settings, grid_of, with_grid
+from warprt.viewer.stage import is_same
 from warprt.viewer.web import listening
+from warprt.viewer.world_view import SEE_THROUGH
 
 viser = pytest.importorskip("viser", reason="viser is not installed: pip install 'warprt[viewer]'")
 
 TIMEOUT_S = 60
+WINDOW = {"width": 400, "height": 300, "ratio": 2}
 PIXEL = (50, 37)
 """Its ray passes some empty cells before that of its hit."""
 
@@ -91,15 +96,24 @@ def talk(viewer):
     yield talk
     # A path that is shown would be shown to the next page as well.
     talk.say(type="clear")
-    talk.hear("pick", lambda message: message["pixel"] is None)
+    talk.say(type="window", **WINDOW)
+    talk.hear("place")
+    wait_for_jobs(viewer)
     talk.close()
 
 
-WINDOW = {"width": 400, "height": 300, "ratio": 2}
+def wait_for_jobs(viewer):
+    """Until what has been asked for so far is done."""
+    done = threading.Event()
+    viewer._worker.do(done.set)
+    assert done.wait(TIMEOUT_S)
 
 
 def pick(talk, column, row, **message):
+    """Clicks on a pixel; what is told of its path, and of the step."""
     talk.say(type="pick", x=(column + 0.5) * 5, y=(row + 0.5) * 5, **WINDOW, **message)
+    found = talk.hear("pick", lambda message: message["pixel"] == [column, row])
+    return found, talk.hear("step")["index"]
 
 
 def test_page_and_both_windows_are_served(viewer):
@@ -110,7 +124,9 @@ def test_page_and_both_windows_are_served(viewer):
         assert headers["Cross-Origin-Resource-Policy"] == "same-origin"
     assert "default-src 'self'" in get(viewer, "/")[1]["Content-Security-Policy"]
     for path in ("/preview/", "/world/?hideViserLogo"):
-        assert b".mantine-Paper-root" in get(viewer, path)[2]
+        _, headers, body = get(viewer, path)
+        assert b".mantine-Paper-root" in body
+        assert "connect-src 'self' blob: data:;" in headers["Content-Security-Policy"]
 
 
 @pytest.mark.parametrize(
@@ -234,32 +250,149 @@ def test_preview_moves_the_camera_and_only_that(viewer, talk):
     import msgspec
 
     first = talk.hear("frame", lambda message: message["is_final"])
-    clients = viewer._preview.server.get_clients
     with viser_talk(viewer, "preview") as browser:
         assert browser.recv(timeout=TIMEOUT_S)
         # What would have viser open a tunnel to the outside, and what is no message at all.
         for raw in (msgspec.msgpack.encode({"type": "ShareUrlRequest"}), b"\x00\xff", b"", "text"):
             browser.send(raw)
         browser.send(camera_message(viewer, viewer._preview.home))
-        end = time.monotonic() + TIMEOUT_S
-        while not clients() and time.monotonic() < end:
-            time.sleep(0.01)
-        away = moved(viewer.camera, 0.2)
-        while viewer._view == first["view"] and time.monotonic() < end:
-            # Until viser has told us of the client, which it does on another thread.
-            browser.send(camera_message(viewer, away))
-            time.sleep(0.05)
+        browser.send(camera_message(viewer, moved(viewer.camera, 0.2)))
         found = talk.hear("frame", lambda message: message["is_final"] and message["view"] > first["view"])
         assert viewer._preview.server._share_tunnel is None
         np.testing.assert_allclose(viewer.camera.target, (0, 0, 0), atol=1e-6)
         assert viewer.camera.position[0] > 0.4
+        assert found["view"] == viewer._view
         expected = viewer._worker.tracer.render(viewer.camera, SIZE, samples=2)
-        if found["view"] == viewer._view:
-            picture = PIL.Image.open(io.BytesIO(found["data"]))
-            np.testing.assert_array_equal(np.asarray(picture), np.asarray(expected.to_pil()))
-        # And back, so that other tests find the camera where it was.
-        browser.send(camera_message(viewer, viewer.scene.camera))
-        talk.hear("frame", lambda message: message["is_final"] and message["view"] > found["view"])
+        picture = PIL.Image.open(io.BytesIO(found["data"]))
+        np.testing.assert_array_equal(np.asarray(picture), np.asarray(expected.to_pil()))
+    # And back, so that other tests find the camera where it was.
+    talk.say(type="home")
+    wait_until(lambda: is_same(viewer.camera, viewer.scene.camera, 0))
+
+
+@contextlib.contextmanager
+def a_preview(viewer, camera):
+    """A page's preview, as a browser that reports that camera first: (connection, its handle)."""
+    clients = viewer._preview.server.get_clients
+    before = set(clients())
+    with viser_talk(viewer, "preview") as browser:
+        assert browser.recv(timeout=TIMEOUT_S)
+        browser.send(camera_message(viewer, camera))
+        wait_until(lambda: set(clients()) - before)
+        (number,) = set(clients()) - before
+        yield browser, clients()[number]
+    wait_until(lambda: number not in clients())
+
+
+def wait_until(claim):
+    end = time.monotonic() + TIMEOUT_S
+    while not claim():
+        assert time.monotonic() < end
+        time.sleep(0.01)
+
+
+def is_at(viewer, handle, camera):
+    """Whether viser has told a page, or been told by it, that its camera is there."""
+    return np.allclose(handle.camera.position, viewer.space.to_browser(camera.position), atol=1e-4)
+
+
+def test_all_pages_share_one_camera(viewer, talk):
+    home, away, farther = viewer._preview.home, moved(viewer.camera, 0.3), moved(viewer.camera, 0.7)
+    with a_preview(viewer, viewer.camera) as (first, one):
+        first.send(camera_message(viewer, away))
+        wait_until(lambda: is_same(viewer.camera, away, 1e-6))
+        # A page that comes now begins there, and does not move the camera by being there.
+        with a_preview(viewer, rt.Camera((9, 9, 9))) as (second, two):
+            begin = viewer._preview.server.initial_camera
+            np.testing.assert_allclose(begin.position, viewer.space.to_browser(away.position), atol=1e-6)
+            # viser's page reports where it would begin by itself, before and after what it was told.
+            center, scale = viewer.space.center, viewer.space.scale
+            by_itself = rt.Camera(center + scale * np.array([3, 3, 3]), center)
+            for camera in (by_itself, home, away, by_itself, away):
+                second.send(camera_message(viewer, camera))
+                wait_until(lambda camera=camera: is_at(viewer, two, camera))
+            assert is_same(viewer.camera, away, 1e-6)
+            # Its user moves it: the other page's goes there too, when the picture is done.
+            second.send(camera_message(viewer, farther))
+            wait_until(lambda: is_same(viewer.camera, farther, 1e-6) and is_at(viewer, one, farther))
+            first.send(camera_message(viewer, farther))
+            talk.say(type="home")
+            wait_until(lambda: is_at(viewer, one, home) and is_at(viewer, two, home))
+            assert is_same(viewer.camera, home, 1e-6)
+
+
+def test_cameras_come_in_order_and_on_one_thread(viewer, monkeypatch):
+    heard = []
+    monkeypatch.setattr(
+        viewer._preview, "_on_camera", lambda camera: heard.append((camera, threading.get_ident())), raising=True
+    )
+    with a_preview(viewer, viewer.camera) as (browser, _):
+        for k in range(100):
+            browser.send(camera_message(viewer, moved(viewer.camera, 0.01 * (k + 1))))
+        wait_until(lambda: len(heard) == 100)
+    places = [camera.position[0] for camera, _ in heard]
+    assert places == sorted(places)
+    assert len({thread for _, thread in heard}) == 1
+
+
+def test_home_moves_the_camera_without_a_preview(viewer, talk):
+    """As when the browser cannot draw it."""
+    viewer._move(moved(viewer.camera, 0.4))
+    talk.say(type="home")
+    wait_until(lambda: is_same(viewer.camera, viewer._preview.home, 0))
+
+
+def test_nobody_can_have_viser_share_the_scene(viewer):
+    for stage in (viewer._preview, viewer._world):
+        names = [kind.__name__ for kind in stage.server._websock_server._incoming_handlers]
+        assert names
+        assert not [name for name in names if "Share" in name]
+
+
+def test_scene_that_is_shown_anew_stays_see_through(viewer, talk):
+    pick(talk, *PIXEL)
+    viewer._worker.do(lambda: viewer._world.show_scene(drawn(viewer.scene, viewer.space)))
+    wait_for_jobs(viewer)
+    assert {mesh.opacity for mesh in viewer._world.meshes} == {SEE_THROUGH}
+    talk.say(type="clear")
+    talk.hear("pick", lambda message: message["pixel"] is None)
+    assert {mesh.opacity for mesh in viewer._world.meshes} == {None}
+
+
+def test_a_page_that_comes_again_forgets_a_path_that_is_gone(viewer, talk):
+    pick(talk, *PIXEL)
+    late = Talk(viewer)
+    assert late.hear("pick")["pixel"] == list(PIXEL)
+    late.close()
+    talk.say(type="clear")
+    talk.hear("pick", lambda message: message["pixel"] is None)
+    again = Talk(viewer)
+    assert again.hear("pick")["pixel"] is None
+    assert again.hear("step")["index"] is None
+    again.close()
+
+
+def test_messages_that_json_cannot_carry_fail_where_they_are_sent(viewer):
+    for message in ({"t": float("nan")}, {"t": np.float32(1)}):
+        with pytest.raises((ValueError, TypeError)):
+            viewer._web.tell_all("nothing", message)
+        with pytest.raises((ValueError, TypeError)):
+            Page(None).tell("nothing", message)
+
+
+def test_a_viewer_that_cannot_begin_leaves_nothing_open(monkeypatch):
+    before, ports = set(threading.enumerate()), []
+
+    def fails(self, drawn):
+        ports.append(self.port)
+        raise MemoryError("too large to send")
+
+    monkeypatch.setattr("warprt.viewer.stage.Stage.show_scene", fails)
+    with pytest.raises(MemoryError, match="too large to send"):
+        rt.view(viewer_scene(), device="cpu", size=SIZE, samples=1, port=0)
+    with pytest.raises(OSError):
+        socket.create_connection(("127.0.0.1", ports[0]), timeout=1)
+    wait_until(lambda: not [t for t in set(threading.enumerate()) - before if "warprt" in t.name])
 
 
 def test_a_page_that_comes_gets_all_there_is(talk):
@@ -272,15 +405,14 @@ def test_a_page_that_comes_gets_all_there_is(talk):
 
 
 def test_click_picks_the_pixel_and_its_cells(viewer, talk):
-    pick(talk, *PIXEL)
-    found = talk.hear("pick")
+    found, step = pick(talk, *PIXEL)
     camera = viewer.camera
     origins, directions = camera.rays(*SIZE)
     walk = viewer._worker.tracer.walk(origins[PIXEL[::-1]], directions[PIXEL[::-1]])
     assert found["pixel"] == list(PIXEL)
     assert [row[2] for row in found["cells"]] == walk.cell.tolist()
     assert [row[6] == "found" for row in found["cells"]] == walk.found.tolist()
-    assert talk.hear("step")["index"] == int(np.flatnonzero(walk.found)[0])
+    assert step == int(np.flatnonzero(walk.found)[0])
     # The red lines of the world view: the edges of those cells, and no others.
     lines = np.concatenate(
         [viewer._world.lines(f"/path/cells 0 {kind}") for kind in ("jumped", "empty", "tested", "found")]
@@ -293,9 +425,8 @@ def test_click_picks_the_pixel_and_its_cells(viewer, talk):
 
 
 def test_steps_go_through_the_cells_and_stop_at_their_ends(viewer, talk):
-    pick(talk, *PIXEL)
-    count = len(talk.hear("pick")["cells"])
-    start = talk.hear("step")["index"]
+    found, start = pick(talk, *PIXEL)
+    count = len(found["cells"])
     talk.say(type="step", by=-1)
     assert talk.hear("step")["index"] == start - 1
     talk.say(type="step", to=0)
@@ -328,7 +459,7 @@ def test_what_makes_no_sense_is_answered_and_harms_nothing(talk, raw):
     talk.send(raw)
     assert talk.hear("error")["text"]
     talk.say(type="window", **WINDOW)
-    assert talk.hear("place") == {"type": "place", "left": 0, "top": 0, "width": 800, "height": 600}
+    assert talk.hear("place") == {"type": "place", "left": 0, "top": 0, "width": 800, "height": 600, "window": WINDOW}
 
 
 def test_too_long_a_message_ends_that_page_alone(viewer, talk):
@@ -361,8 +492,7 @@ def test_settings_change_the_result(viewer, talk):
 
 
 def test_another_grid_changes_the_cells_of_the_same_pixel(viewer, talk):
-    pick(talk, *PIXEL)
-    before = talk.hear("pick")
+    before, _ = pick(talk, *PIXEL)
     talk.say(type="set", name="grid", value="3, 3, 3")
     after = talk.hear("pick")
     assert after["pixel"] == before["pixel"]
@@ -374,16 +504,55 @@ def test_another_grid_changes_the_cells_of_the_same_pixel(viewer, talk):
 
 
 def test_a_tracer_that_cannot_be_built_leaves_the_old_one(viewer, talk, monkeypatch):
-    tracer = viewer._worker.tracer
+    tracer, before = viewer._worker.tracer, viewer.settings
+    may_go_on = threading.Event()
 
     def fails(*_):
+        assert may_go_on.wait(TIMEOUT_S)
         raise MemoryError("grids do not fit")
 
     monkeypatch.setattr("warprt.viewer.viewer.Tracer", fails)
-    talk.say(type="set", name="grid", value="9 9 9")
+    # The second is chosen while the first one is built, and the last one needs no tracer.
+    for name, value in {"grid": "9 9 9", "accuracy": "fast", "samples": 1}.items():
+        talk.say(type="set", name=name, value=value)
+    talk.hear("settings", lambda message: message["samples"] == 1)
+    may_go_on.set()
     assert talk.hear("error")["text"] == "grids do not fit"
+    wait_for_jobs(viewer)
     assert viewer._worker.tracer is tracer
-    assert viewer.settings.grid == "scene"
+    assert viewer.settings == before.changed("samples", 1)
+    talk.say(type="set", name="samples", value=before.samples)
+    talk.hear("settings", lambda message: message == {"type": "settings", **asdict(before)})
+
+
+def test_the_latest_of_several_grids_is_built_alone(viewer, talk, monkeypatch):
+    built, may_go_on = [], threading.Event()
+
+    def slow(scene, *rest):
+        assert may_go_on.wait(TIMEOUT_S)
+        built.append(scene.objects[0].shape.grid)
+        return rt.Tracer(scene, *rest)
+
+    monkeypatch.setattr("warprt.viewer.viewer.Tracer", slow)
+    for grid in ("3 3 3", "4 4 4", "5 5 5", "6 6 6"):
+        talk.say(type="set", name="grid", value=grid)
+        talk.hear("busy")
+    may_go_on.set()
+    wait_for_jobs(viewer)
+    assert viewer._worker.tracer.mesh_grids()[0] == (6, 6, 6)
+    assert built[-1] == (6, 6, 6)
+    assert len(built) <= 2
+    talk.say(type="set", name="grid", value="scene")
+    talk.hear("settings", lambda message: message["grid"] == "scene")
+
+
+def test_bounces_change_the_path_that_is_shown(talk):
+    before, _ = pick(talk, 70, 10)
+    assert len(before["segments"]) == 2
+    talk.say(type="set", name="bounces", value=0)
+    assert len(talk.hear("pick")["segments"]) == 1
+    talk.say(type="set", name="bounces", value=8)
+    assert len(talk.hear("pick")["segments"]) == 2
 
 
 def test_camera_is_told_as_python(viewer, talk):
@@ -449,11 +618,19 @@ def test_how_to_reach_says_who_can_come(monkeypatch):
     assert len(how_to_reach("127.0.0.1", 8081)) == 1
     assert url_of("0.0.0.0", 5) == "http://127.0.0.1:5/"
     assert url_of("::1", 5) == "http://[::1]:5/"
+    monkeypatch.setenv("SSH_CONNECTION", "1")
+    assert any(f"ssh -L 5:[::1]:5 {socket.gethostname()}," in line for line in how_to_reach("::1", 5))
 
 
 def test_notebooks_show_a_frame(viewer):
     assert f'src="http://127.0.0.1:{viewer.port}/"' in viewer._repr_html_()
     assert str(viewer.port) in repr(viewer)
+
+
+def test_notebooks_of_others_get_an_address_that_they_can_reach(viewer, monkeypatch):
+    monkeypatch.setattr(viewer, "host", "0.0.0.0")
+    assert f'<iframe src="http://{socket.gethostname()}:{viewer.port}/"' in viewer._repr_html_()
+    assert frame_url("192.0.2.7", 5) == "http://192.0.2.7:5/"
 
 
 def test_settings_are_checked():
@@ -542,4 +719,3 @@ def test_two_threads_may_join_and_leave_while_frames_go_out(viewer):
     for thread in threads:
         thread.join(TIMEOUT_S)
     assert len(done) == 6
-    assert asyncio.iscoroutinefunction(viewer._web._serve)

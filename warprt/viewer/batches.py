@@ -4,7 +4,6 @@ What a browser cannot take is made smaller, and said: large meshes are decimated
 boxes, and of more copies than fit only some are shown.
 """
 
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -16,6 +15,7 @@ from ..scene import Instance, Scene, Shape
 from ..shapes import Box, Plane
 from ..tessellation import tessellated
 from ..texture import linear
+from .bake import Piece, looks_flat, merged, pieces_of
 from .decimate import decimated
 from .space import Space
 
@@ -29,12 +29,15 @@ class Budget:
     copies: int  # placements in all
 
 
-WITH_GPU, WITHOUT_GPU = Budget(500_000, 300_000, 50_000), Budget(15_000, 15_000, 1_000)
-"""Without one, WebGL draws about a million triangles a second (measured on two cores), and everything waits for it."""
+WITH_GPU, WITHOUT_GPU = Budget(500_000, 300_000, 50_000), Budget(8_000, 8_000, 600)
+"""Without one, WebGL takes most of two cores for several such pictures a second, and everything waits for it."""
 FEWEST = 60
 """A shape of fewer triangles than this is no longer itself: a box says as much."""
 PLANE_REACH = 50.0
 """How far a plane is drawn, in the browser's units."""
+MOST_BATCHES = 200
+"""Each costs the browser an object of its own; of more shapes, those of the fewest copies are baked together."""
+MOST_NOTES = 6
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,6 +50,7 @@ class Batch:
     position: np.ndarray  # (N, 3) float32
     scale: np.ndarray  # (N, 3) float32
     color: np.ndarray  # (N, 3) uint8, linear
+    is_flat: bool  # shaded by face, as boxes are
 
 
 @dataclass(eq=False)
@@ -59,7 +63,7 @@ class Drawn:
 
 @dataclass(frozen=True, eq=False)
 class _Group:
-    """Placements of one shape: (N, 4, 4) world_from_local, and (N, 3) linear colours."""
+    """All placements of one shape: (N, 4, 4) world_from_local, and (N, 3) linear colours."""
 
     shape: Shape
     matrices: np.ndarray
@@ -68,21 +72,20 @@ class _Group:
 
 def drawn(scene: Scene, space: Space, budget: Budget = WITH_GPU) -> Drawn:
     """A scene as batches of meshes."""
-    found, groups = Drawn(), list(_groups(scene))
-    total = sum(len(group.matrices) for group in groups)
-    found.batches += [_plane_batch(group, space) for group in groups if isinstance(group.shape, Plane)]
-    solid = [
-        _fewer_copies(group, total, budget.copies, found.notes)
-        for group in groups
-        if not isinstance(group.shape, Plane)
-    ]
+    found, groups = Drawn(), _groups(scene)
+    pieces = [piece for group in groups if isinstance(group.shape, Plane) for piece in _squares(group, space)]
+    solid = _fewer_copies([group for group in groups if not isinstance(group.shape, Plane)], budget.copies, found.notes)
     meshes = [_triangles(group.shape) for group in solid]
     counts = [len(group.matrices) for group in solid]
     most = _share([len(faces) * count for (_, faces), count in zip(meshes, counts, strict=True)], budget.drawn)
-    for group, mesh, count in zip(solid, meshes, counts, strict=True):
+    of_many = set(sorted(range(len(solid)), key=lambda k: -counts[k])[:MOST_BATCHES])
+    for k, (group, mesh, count) in enumerate(zip(solid, meshes, counts, strict=True)):
         fewer = _fewer_faces(group, *mesh, min(budget.sent, most // count), found.notes)
-        found.batches += _placed(group, *fewer, space)
-    found.notes = list(dict.fromkeys(found.notes))
+        batch, baked = _placed(group, *fewer, space, k in of_many)
+        found.batches += [batch] if batch else []
+        pieces += baked
+    found.batches += [_baked_batch(piece) for piece in merged(pieces)]
+    found.notes = _fewer_notes(list(dict.fromkeys(found.notes)))
     return found
 
 
@@ -97,14 +100,26 @@ def _share(drawn: list[int], most: int) -> int:
     return most
 
 
-def _groups(scene: Scene) -> Iterator[_Group]:
+def _groups(scene: Scene) -> list[_Group]:
+    """One for each shape, whichever way its copies were made."""
+    colors: dict[tuple[int, int], np.ndarray] = {}
+    placed: dict[int, tuple[Shape, list[np.ndarray], list[np.ndarray]]] = {}
+
+    def color(material: Material | None, shape: Shape) -> np.ndarray:
+        key = id(material), id(shape)
+        if key not in colors:
+            colors[key] = _color(material or Material(), shape)
+        return colors[key]
+
     for item in scene.objects:
+        _, matrices, tints = placed.setdefault(id(item.shape), (item.shape, [], []))
         if isinstance(item, Instance):
-            material = item.material or Material()
-            yield _Group(item.shape, item.transform.world_from_local[None], _color(material, item.shape)[None])
+            matrices.append(item.transform.world_from_local[None])
+            tints.append(color(item.material, item.shape)[None])
         elif len(item):
-            colors = np.array([_color(material, item.shape) for material in item.materials])
-            yield _Group(item.shape, item.world_from_local, colors[item.material_index])
+            matrices.append(np.asarray(item.world_from_local))
+            tints.append(np.array([color(material, item.shape) for material in item.materials])[item.material_index])
+    return [_Group(s, np.concatenate(m), np.concatenate(t)) for s, m, t in placed.values() if m]
 
 
 def _color(material: Material, shape: Shape) -> np.ndarray:
@@ -127,13 +142,20 @@ def _bytes(colors: np.ndarray) -> np.ndarray:
     return np.rint(255 * colors).astype(np.uint8)
 
 
-def _fewer_copies(group: _Group, total: int, most: int, notes: list[str]) -> _Group:
+def _fewer_copies(groups: list[_Group], most: int, notes: list[str]) -> list[_Group]:
+    """As many placements as that, evenly chosen among all; a shape of which none is left goes too."""
+    total = sum(len(group.matrices) for group in groups)
     if total <= most:
-        return group
-    count = len(group.matrices)
-    keep = np.linspace(0, count - 1, max(1, count * most // total)).round().astype(int)
+        return groups
     notes.append(f"{total:,} placements: 1 in {total / most:.3g} is shown; the result has all.")
-    return _Group(group.shape, group.matrices[keep], group.colors[keep])
+    chosen, left, first = np.linspace(0, total - 1, most).round().astype(int), [], 0
+    for group in groups:
+        count = len(group.matrices)
+        keep = chosen[np.searchsorted(chosen, first) : np.searchsorted(chosen, first + count)] - first
+        if len(keep):
+            left.append(_Group(group.shape, group.matrices[keep], group.colors[keep]))
+        first += count
+    return left
 
 
 def _fewer_faces(
@@ -152,6 +174,12 @@ def _fewer_faces(
     return fewer
 
 
+def _fewer_notes(notes: list[str]) -> list[str]:
+    if len(notes) <= MOST_NOTES:
+        return notes
+    return [*notes[: MOST_NOTES - 1], f"{len(notes) - MOST_NOTES + 1:,} more shapes are shown with fewer triangles."]
+
+
 def _triangles(shape: Shape) -> tuple[np.ndarray, np.ndarray]:
     if not isinstance(shape, Mesh):
         return tessellated(shape)
@@ -159,26 +187,26 @@ def _triangles(shape: Shape) -> tuple[np.ndarray, np.ndarray]:
     return shape.vertices[used], faces.reshape(-1, 3)
 
 
-def _placed(group: _Group, vertices: np.ndarray, faces: np.ndarray, space: Space) -> Iterator[Batch]:
-    """One batch of the copies that a browser can place, and one that has all others baked into one mesh."""
+def _placed(
+    group: _Group, vertices: np.ndarray, faces: np.ndarray, space: Space, is_batch: bool
+) -> tuple[Batch | None, list[Piece]]:
+    """(a batch of the copies that a browser can place, the others as pieces to be baked)."""
     middle = (vertices.min(axis=0) + vertices.max(axis=0)) / 2
     size = float(np.abs(vertices - middle).max()) or 1.0
     unit = (vertices - middle) / size
     linear_part = group.matrices[:, :3, :3] * (size / space.scale)
     position = space.to_browser(group.matrices[:, :3, :3] @ middle + group.matrices[:, :3, 3])
     colors = _bytes(group.colors)
-    is_sheared = _sheared(linear_part)
-    plain = ~is_sheared
+    batch, plain = None, ~_sheared(linear_part) if is_batch else np.zeros(len(position), bool)
     if plain.any():
         parts = decompose(_affine(linear_part[plain]))
         if parts is None:
-            is_sheared[:], plain[:] = True, False
+            plain[:] = False
         else:
             _, (*xyz, w), scale = parts[0], parts[1].T, parts[2]
             wxyz = np.stack([w, *xyz], axis=1)
-            yield _batch(unit, faces, wxyz, position[plain], scale, colors[plain])
-    if is_sheared.any():
-        yield from _baked(unit, faces, linear_part[is_sheared], position[is_sheared], colors[is_sheared])
+            batch = _batch(unit, faces, wxyz, position[plain], scale, colors[plain])
+    return batch, pieces_of(unit, faces, linear_part[~plain], position[~plain], colors[~plain])
 
 
 def _sheared(linear_part: np.ndarray) -> np.ndarray:
@@ -188,39 +216,28 @@ def _sheared(linear_part: np.ndarray) -> np.ndarray:
     return (cosines - np.eye(3)).max(axis=(1, 2)) > 1e-6
 
 
-def _baked(unit, faces, linear_part, position, colors) -> Iterator[Batch]:
-    """Sheared copies, a mesh for all of the same colour."""
-    for color in np.unique(colors, axis=0):
-        mine = (colors == color).all(axis=1)
-        corners = np.einsum("nij,vj->nvi", linear_part[mine], unit) + position[mine][:, None]
-        first = np.arange(mine.sum())[:, None, None] * len(unit)
-        yield _batch(
-            corners.reshape(-1, 3),
-            (faces[None] + first).reshape(-1, 3),
-            np.array([[1.0, 0.0, 0.0, 0.0]]),
-            np.zeros((1, 3)),
-            np.ones((1, 3)),
-            color[None],
-        )
-
-
 def _affine(linear_part: np.ndarray) -> np.ndarray:
     matrices = np.tile(np.eye(4), (len(linear_part), 1, 1))
     matrices[:, :3, :3] = linear_part
     return matrices
 
 
-def _batch(vertices, faces, wxyz, position, scale, color) -> Batch:
+def _baked_batch(piece: Piece) -> Batch:
+    still = np.array([[1.0, 0.0, 0.0, 0.0]]), np.zeros((1, 3)), np.ones((1, 3))
+    return _batch(piece.vertices, piece.faces, *still, piece.color[None], piece.is_flat)
+
+
+def _batch(vertices, faces, wxyz, position, scale, color, is_flat: bool | None = None) -> Batch:
     kinds = (np.float32, np.uint32, np.float32, np.float32, np.float32, np.uint8)
     values = (vertices, faces, wxyz, position, scale, color)
-    return Batch(*(np.ascontiguousarray(value, kind) for value, kind in zip(values, kinds, strict=True)))
+    arrays = (np.ascontiguousarray(value, kind) for value, kind in zip(values, kinds, strict=True))
+    return Batch(*arrays, looks_flat(faces) if is_flat is None else is_flat)
 
 
-def _plane_batch(group: _Group, space: Space) -> Batch:
-    """Squares that reach far beyond all else, around the foot of the middle of the space."""
-    plane = group.shape
-    corners, faces = [], []
-    for matrix in group.matrices:
+def _squares(group: _Group, space: Space) -> list[Piece]:
+    """Planes, as squares that reach far beyond all else, around the foot of the middle of the space."""
+    plane, found = group.shape, []
+    for matrix, color in zip(group.matrices, _bytes(group.colors), strict=True):
         linear_part = matrix[:3, :3]
         normal = np.linalg.inv(linear_part).T @ np.asarray(plane.normal, np.float64)
         normal /= np.linalg.norm(normal)
@@ -228,8 +245,6 @@ def _plane_batch(group: _Group, space: Space) -> Batch:
         across = np.cross(np.eye(3)[int(np.argmin(np.abs(normal)))], normal)
         across *= PLANE_REACH / np.linalg.norm(across)
         along, foot = np.cross(normal, across), (point @ normal) * normal
-        faces += [np.array([[0, 1, 2], [0, 2, 3]]) + 4 * len(corners)]
-        corners += [[foot - across - along, foot + across - along, foot + across + along, foot - across + along]]
-    colors = _bytes(group.colors[:1])
-    still = np.array([[1.0, 0.0, 0.0, 0.0]]), np.zeros((1, 3)), np.ones((1, 3))
-    return _batch(np.array(corners).reshape(-1, 3), np.concatenate(faces), *still, colors)
+        corners = [foot - across - along, foot + across - along, foot + across + along, foot - across + along]
+        found.append(Piece(np.array(corners), np.array([[0, 1, 2], [0, 2, 3]]), color, True))
+    return found

@@ -14,6 +14,8 @@ RAY_COLORS = ((250, 170, 20), (90, 180, 255), (90, 220, 130), (200, 140, 250), (
 PALE = 0.65
 """How much whiter the cells are that the ray jumps over."""
 KINDS = ("jumped", "empty", "tested", "found")
+MOST_DRAWN = 2000
+"""Cells; a browser without a GPU draws no more lines than those have at any useful rate."""
 BEYOND = 3.0
 """How far a ray that hits nothing is drawn, in the browser's units, beyond what it passes."""
 
@@ -49,6 +51,14 @@ def boxes_of(segments: list[Segment], space: Space) -> list[CellBox]:
         for number, segment in enumerate(segments)
         for k, kind in enumerate(kinds_of(segment))
     ]
+
+
+def most_telling(boxes: list[CellBox], most: int = MOST_DRAWN) -> list[CellBox]:
+    """As many cells, in their order: first that of the hit, then those tested, those looked at, those jumped over."""
+    if len(boxes) <= most:
+        return boxes
+    kept = sorted(range(len(boxes)), key=lambda k: -KINDS.index(boxes[k].kind))[:most]
+    return [boxes[k] for k in sorted(kept)]
 
 
 def edge_lines(boxes: list[CellBox]) -> np.ndarray:

@@ -28,7 +28,17 @@ def _clustered(vertices: np.ndarray, faces: np.ndarray, cell: np.ndarray) -> tup
     means = np.stack([np.bincount(cluster, vertices[:, k]) for k in range(3)], axis=1) / count[:, None]
     corners = cluster[faces]
     is_face = (corners != np.roll(corners, 1, axis=1)).all(axis=1)
+    # What is turned over against its clusters lies in a fold, over faces that are not.
+    normals = _normals(vertices, faces)
+    around = [np.bincount(corners.reshape(-1), np.repeat(normals[:, k], 3), len(means)) for k in range(3)]
+    is_face &= np.einsum("fi,fci->f", _normals(means, corners), np.stack(around, axis=1)[corners]) >= 0
     # Each once, whatever corner it begins with; both sides of a sheet may stay.
     first = np.argmin(corners, axis=1)[:, None]
     turned = np.take_along_axis(corners, (first + np.arange(3)) % 3, axis=1)
     return means, np.unique(turned[is_face], axis=0)
+
+
+def _normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """(F, 3), as long as twice the areas."""
+    a, b, c = (vertices[faces[:, k]] for k in range(3))
+    return np.cross(b - a, c - a)

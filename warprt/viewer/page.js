@@ -17,7 +17,12 @@ function connect() {
   address.search = "";
   socket = new WebSocket(address);
   socket.binaryType = "arraybuffer";
-  socket.onopen = () => { state.isConnected = true; status(""); measure(); };
+  socket.onopen = () => {
+    state.isConnected = true;
+    status("");
+    if (state.isWeak) say({ type: "weak" }); // the server may be another one by now
+    measure();
+  };
   socket.onmessage = (event) => {
     if (event.data instanceof ArrayBuffer) return receiveFrame(event.data);
     const message = JSON.parse(event.data);
@@ -77,33 +82,34 @@ async function receiveFrame(buffer) {
 function hasGpu() {
   const gl = document.createElement("canvas").getContext("webgl2");
   const names = gl && gl.getExtension("WEBGL_debug_renderer_info");
-  return !names || !/swiftshader|llvmpipe|software/i.test(gl.getParameter(names.UNMASKED_RENDERER_WEBGL));
+  const isWeak = names && /swiftshader|llvmpipe|software/i.test(gl.getParameter(names.UNMASKED_RENDERER_WEBGL));
+  gl?.getExtension("WEBGL_lose_context")?.loseContext();
+  return !isWeak;
 }
 
-// The 3-D windows, which take a browser a second or more to set up: only after the first picture is there.
-function openWindows() {
-  const frames = document.querySelectorAll("iframe[data-src]");
-  if (!frames.length) return;
-  // Without a GPU, fewer triangles and a quarter of the pixels leave the page time for the rest.
-  const isWeak = !hasGpu(), detail = isWeak ? "&fixedDpr=0.5" : "";
-  if (isWeak) say({ type: "weak" });
-  for (const frame of frames) {
-    frame.src = frame.dataset.src + detail;
-    frame.removeAttribute("data-src");
+// The 3-D windows, which take a browser a second or more to set up: only after the first picture is there, and one by one.
+async function openWindows() {
+  if (state.isOpen) return;
+  state.isOpen = true;
+  // Without a GPU, fewer triangles and fewer pixels leave the page time for the rest.
+  state.isWeak = !hasGpu();
+  if (state.isWeak) say({ type: "weak" });
+  for (const frame of document.querySelectorAll("iframe[data-src]")) {
+    const loaded = new Promise((done) => frame.addEventListener("load", done, { once: true }));
+    frame.src = frame.dataset.src + (state.isWeak ? "&fixedDpr=0.75" : "");
+    await loaded;
   }
 }
 
-// Tells the server of the window's size; its answer says where the picture lies.
+// Tells the server of the window's size; its answer says where the picture lies in a window of that size.
 function measure() {
-  const box = canvas.getBoundingClientRect(), ratio = window.devicePixelRatio || 1;
-  if (!box.width || !box.height) return;
-  state.window = { width: box.width, height: box.height, ratio };
-  say({ type: "window", ...state.window });
+  const { width, height } = canvas.getBoundingClientRect();
+  if (width && height) say({ type: "window", width, height, ratio: window.devicePixelRatio || 1 });
 }
 
 function draw() {
-  if (!state.window || !state.place || !state.bitmap) return;
-  const { width, height, ratio } = state.window, place = state.place;
+  if (!state.place || !state.bitmap) return;
+  const place = state.place, { width, height, ratio } = place.window;
   const across = Math.max(1, roundEven(width * ratio)), down = Math.max(1, roundEven(height * ratio));
   if (canvas.width !== across || canvas.height !== down) { canvas.width = across; canvas.height = down; }
   pen.clearRect(0, 0, across, down);
@@ -124,7 +130,7 @@ function roundEven(x) {
 function drawCross(place) {
   const [column, row] = state.pick.pixel, [width, height] = state.frame.size;
   const x = place.left + ((column + 0.5) * place.width) / width, y = place.top + ((row + 0.5) * place.height) / height;
-  const ratio = state.window.ratio, gap = Math.max(4 * ratio, place.width / width), arm = gap + 9 * ratio;
+  const ratio = place.window.ratio, gap = Math.max(4 * ratio, place.width / width), arm = gap + 9 * ratio;
   for (const [color, thickness] of [["rgba(255,255,255,0.9)", 4], ["#e11e28", 2]]) {
     pen.strokeStyle = color;
     pen.lineWidth = thickness * ratio;
@@ -156,9 +162,13 @@ function showPick() {
   const pick = state.pick;
   $("pixel").textContent = pick ? `of pixel, column ${pick.pixel[0]}, row ${pick.pixel[1]}` : "";
   $("segments").replaceChildren(...(pick ? pick.segments.map(segmentTable) : []));
-  $("count").textContent = pick ? String(pick.cells.length) : "";
+  $("count").textContent = pick ? cellCount(pick) : "";
   if (!pick) state.step = null;
   showStep();
+}
+
+function cellCount({ cells, drawn }) {
+  return drawn < cells.length ? `${cells.length}, of which ${drawn} are drawn` : String(cells.length);
 }
 
 function segmentTable(segment, number) {
@@ -248,10 +258,12 @@ canvas.addEventListener("pointerdown", (event) => {
   document.activeElement?.blur(); // so that keys are no longer for a field
   if (event.button !== 0 || !event.shiftKey) return;
   event.preventDefault();
-  const box = canvas.getBoundingClientRect();
-  const click = { x: event.clientX - box.left, y: event.clientY - box.top, width: box.width, height: box.height };
+  if (!state.place || !state.frame) return;
+  // By the window that the picture was drawn for: until it is drawn anew, a resized canvas is that one stretched.
+  const box = canvas.getBoundingClientRect(), drawn = state.place.window;
+  const x = ((event.clientX - box.left) * drawn.width) / box.width, y = ((event.clientY - box.top) * drawn.height) / box.height;
   status("");
-  say({ type: "pick", ...click, ratio: window.devicePixelRatio || 1, view: state.frame ? state.frame.view : 0 });
+  say({ type: "pick", x, y, ...drawn, view: state.frame.view });
 });
 for (const kind of ["keydown", "keyup"]) addEventListener(kind, (event) => canvas.classList.toggle("aims", event.shiftKey));
 canvas.addEventListener("pointermove", (event) => canvas.classList.toggle("aims", event.shiftKey));

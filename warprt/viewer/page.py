@@ -6,16 +6,22 @@ from collections.abc import Callable
 
 
 class Page:
-    """A live connection. `window` is what the page has said of its result window, None before."""
+    """A live connection."""
 
     def __init__(self, connection):
-        self.window = None
         self._connection = connection
-        self._waiting: dict[str, dict | bytes] = {}
+        self._waiting: dict[str, str | bytes] = {}
         self._has_news = asyncio.Event()
 
     def tell(self, kind: str, message: dict | bytes) -> None:
-        """Sends as soon as the browser takes it; a newer message of the same kind replaces one that still waits."""
+        """Sends as soon as the browser takes it; a newer message of the same kind replaces one that still waits.
+
+        Raises TypeError or ValueError for what JSON has no word for.
+        """
+        self.offer(kind, encoded(kind, message))
+
+    def offer(self, kind: str, message: str | bytes) -> None:
+        """The same for what is `encoded`."""
         self._waiting[kind] = message
         self._has_news.set()
 
@@ -26,11 +32,7 @@ class Page:
             self._has_news.clear()
             while self._waiting:
                 kind = next(iter(self._waiting))
-                message = self._waiting.pop(kind)
-                is_bytes = isinstance(message, bytes)
-                await self._connection.send(
-                    message if is_bytes else json.dumps({"type": kind, **message}, allow_nan=False)
-                )
+                await self._connection.send(self._waiting.pop(kind))
 
     def hear(self, text: str | bytes, on_message: Callable[["Page", dict], None]) -> None:
         """Hands on what the page says; what is no message is answered with a word on it, and does no harm."""
@@ -41,3 +43,8 @@ class Page:
             on_message(self, message)
         except (ValueError, TypeError, KeyError, RecursionError) as error:
             self.tell("error", {"text": f"{error}" or "no message"})
+
+
+def encoded(kind: str, message: dict | bytes) -> str | bytes:
+    """What goes over the wire: where a message makes no sense, whoever sends it hears of it, and no other thread."""
+    return message if isinstance(message, bytes) else json.dumps({"type": kind, **message}, allow_nan=False)

@@ -6,16 +6,18 @@ import numpy as np
 
 from ..camera import Camera
 from ..scene import Scene
-from .cell_lines import COLORS, kinds_of
+from .cell_lines import COLORS, MOST_DRAWN, kinds_of
 from .path import Segment, material_of, placement_of
 
 
 def path_report(scene: Scene, pixel: tuple[int, int], segments: list[Segment]) -> dict:
     """The pixel, its segments, and their cells in order: each row is one of `CELL_COLUMNS`."""
+    cells = [row for k, segment in enumerate(segments) for row in _cell_rows(k, segment)]
     return {
         "pixel": list(pixel),
         "segments": [_segment_report(scene, segment) | {"color": _css(k)} for k, segment in enumerate(segments)],
-        "cells": [row for k, segment in enumerate(segments) for row in _cell_rows(k, segment)],
+        "cells": cells,
+        "drawn": min(len(cells), MOST_DRAWN),
     }
 
 

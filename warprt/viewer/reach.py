@@ -3,6 +3,7 @@
 import os
 import socket
 import sys
+from urllib.parse import urlsplit
 
 from .hosts import is_loopback
 
@@ -11,6 +12,11 @@ def url_of(host: str, port: int) -> str:
     """What to open in a browser on this machine."""
     name = "127.0.0.1" if host in ("0.0.0.0", "localhost", "") else "[::1]" if host == "::" else host
     return f"http://[{name}]:{port}/" if ":" in name and not name.startswith("[") else f"http://{name}:{port}/"
+
+
+def frame_url(host: str, port: int) -> str:
+    """What a notebook's browser is to open, which may be on another machine if others can reach this one."""
+    return url_of(socket.gethostname() if host in ("0.0.0.0", "::", "") else host, port)
 
 
 def has_screen() -> bool:
@@ -31,8 +37,9 @@ def how_to_reach(host: str, port: int) -> list[str]:
             "makes this machine render, without a password"
         )
     elif not has_screen():
+        there = urlsplit(url_of(host, port)).netloc
         lines.append(
-            f"warprt: from another machine: ssh -L {port}:127.0.0.1:{port} {socket.gethostname()}, "
+            f"warprt: from another machine: ssh -L {port}:{there} {socket.gethostname()}, "
             f"then open http://localhost:{port}/ there"
         )
     return lines

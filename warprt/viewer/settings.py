@@ -13,6 +13,8 @@ from ..tracer import TIERS, choice
 
 SHOWN = tuple(name for name in OUTPUTS if name not in ("variance", "samples"))
 """Outputs that a page can show: the others are about how a picture was sampled, which here changes all the time."""
+OF_TRACER = ("accuracy", "grid", "device")
+"""Settings that a tracer is built for; the others are of each picture."""
 MOST_SAMPLES = 4096
 MOST_BOUNCES = 1000
 MOST_CELLS = 2000
@@ -47,8 +49,7 @@ class Settings:
 
     def needs_new_tracer(self, before: "Settings") -> bool:
         """Whether a tracer of the other settings is of no use."""
-        names = ("accuracy", "grid", "device")
-        return any(getattr(self, name) != getattr(before, name) for name in names)
+        return any(getattr(self, name) != getattr(before, name) for name in OF_TRACER)
 
 
 def devices() -> list[str]:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..camera import Camera
-from ..cameras import AnyCamera
+from ..cameras import AnyCamera, OrthographicCamera
 from ..poses import pose_of
 from ..quaternions import compose, decompose
 from ..tracer import Tracer
@@ -13,6 +13,8 @@ from ..views import View
 
 FOV_DEG = 45.0
 """Of the viewer's camera where the scene's is none that has one."""
+MOST_OFF = 10.0
+"""How often the distance to a camera's target what it sees may be away, to count as what it looks at."""
 FAR = 1e4
 """How far the browser sees, in its units, beyond the size of the scene."""
 
@@ -59,10 +61,14 @@ class Space:
 
 
 def framed(tracer: Tracer, camera: Camera) -> Space:
-    """A space whose unit is the distance to what the camera looks at, which is in its middle."""
+    """A space whose unit is the distance to what the camera looks at, which is in its middle.
+
+    That is what it sees, but not so far from its target, in either direction, as a horizon is.
+    """
     hit = tracer.cast(camera.position, camera.frame()[2], outputs=("hit", "t"))
-    away = float(hit.t) if hit.hit else float(np.linalg.norm(camera.target - camera.position))
-    if not np.isfinite(away) or away <= 0:
+    target = float(np.linalg.norm(camera.target - camera.position))
+    away = float(np.clip(hit.t, target / MOST_OFF, target * MOST_OFF)) if hit.hit else target
+    if not 0 < away < np.inf:
         away = 1.0
     return Space(camera.position + away * camera.frame()[2], away)
 
@@ -82,6 +88,9 @@ def _perspective(tracer: Tracer, camera: AnyCamera) -> Camera:
     """A pinhole where another camera stands."""
     if isinstance(camera, View):
         fov_deg = getattr(camera, "fov_deg", FOV_DEG)
+        if isinstance(camera, OrthographicCamera):  # the same height at the target
+            away = np.linalg.norm(camera.target - camera.position)
+            fov_deg = float(np.clip(2 * np.degrees(np.arctan2(camera.height / 2, away)), 1, 120))
         return Camera(camera.position, camera.target, camera.up, fov_deg if 1 <= fov_deg <= 120 else FOV_DEG)
     width, height = camera.size
     corner, right, down = camera.pixel_steps(width, height)

@@ -1,11 +1,12 @@
 """The viewer: what the pages, the two 3-D windows and the tracing thread have in common."""
 
 import atexit
+import contextlib
 import json
 import sys
 import threading
 import time
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 
 from .. import checks
@@ -19,21 +20,22 @@ from .fit import Window, fitted, pixel_at
 from .page import Page
 from .panel import camera_as_python, path_report
 from .path import Segment, trace_path
-from .reach import how_to_reach, url_of
+from .preview import STILL, Preview
+from .reach import frame_url, how_to_reach, url_of
 from .refine import Frame, Shot
-from .settings import SHOWN, Settings, devices, with_grid
+from .settings import OF_TRACER, SHOWN, Settings, devices, with_grid
 from .space import framed, viewing_camera
-from .stage import Preview, WorldView, is_same
+from .stage import is_same
 from .web import Web, listening
 from .worker import Worker
+from .world_view import WorldView
 
-STILL = 1e-6
-"""Cameras that differ by less, of the distance to what they look at, show the same."""
 REMEMBERED = 256
 """Cameras of late pictures: a click is on what was shown, not on what is about to be."""
 MOST_SIDE = 8192
 WORLD_S = 1.0
-"""Between two changes of the first camera in the world view, which a browser draws anew each time."""
+"""Between two changes of the moving camera in the world view; a browser without a GPU draws it when it rests."""
+NO_PICK = {"pixel": None, "segments": [], "cells": [], "view": -1}
 
 
 def view(
@@ -73,8 +75,8 @@ class Viewer:
 
     def __init__(self, scene: Scene, settings: Settings, size: tuple[int, int], name: str, host: str, port: int):
         self.scene, self.settings, self.size, self.name = scene, settings, size, name
+        self._built = settings
         tracer = Tracer(scene, settings.accuracy, settings.device)
-        place = listening(host, port)
         self.camera, note = viewing_camera(tracer)
         self.space = framed(tracer, self.camera)
         shown, self._is_light = drawn(self.scene, self.space), False
@@ -85,25 +87,34 @@ class Viewer:
         self._frame: bytes | None = None
         self._picture: tuple[str, bytes] | None = None
         self._pick: dict | None = None
+        self._picked_camera: Camera | None = None
         self._segments: list[Segment] = []
         self._boxes: list[CellBox] = []
         self._step: int | None = None
         self._world_shown = 0.0
         self._is_stopped = threading.Event()
-        self._worker = Worker(tracer, self._show, self._say)
-        self._preview = Preview(self.space, self.camera, self._move)
-        self._world = WorldView(self.space, self.camera, self.size)
-        stages = {
-            "preview": (self._preview.port, self._preview.secret),
-            "world": (self._world.port, self._world.secret),
-        }
-        self._web = Web(host, place, stages, self._join, self._hear, lambda: self._picture)
-        self.host, self.port = host, place.getsockname()[1]
-        self._worker.start()
-        # The picture first: the meshes are of no use before a page is there.
-        self._render()
-        for stage in (self._preview, self._world):
-            stage.show_scene(shown)
+        # What is open so far is closed again if the rest fails; and by `stop`, the last one first.
+        with contextlib.ExitStack() as opened:
+            place = opened.enter_context(listening(host, port))
+            self.host, self.port = host, place.getsockname()[1]
+            self._preview = Preview(self.space, self.camera, lambda: self.camera, self._move)
+            opened.callback(self._preview.stop)
+            self._world = WorldView(self.space, self.camera, self.size)
+            opened.callback(self._world.stop)
+            self._worker = Worker(tracer, self._show, self._say)
+            opened.callback(self._worker.stop)
+            stages = {
+                "preview": (self._preview.port, self._preview.secret),
+                "world": (self._world.port, self._world.secret),
+            }
+            self._web = Web(host, place, stages, self._join, self._hear, lambda: self._picture)
+            opened.callback(self._web.stop)
+            self._worker.start()
+            # The picture first: the meshes are of no use before a page is there.
+            self._render()
+            for stage in (self._preview, self._world):
+                stage.show_scene(shown)
+            self._opened = opened.pop_all()
         _running.add(self)
         # After those of viser, so that it runs before them.
         atexit.register(self.stop)
@@ -118,10 +129,12 @@ class Viewer:
 
     def _repr_html_(self) -> str:
         """The page in a frame, for notebooks."""
+        url = frame_url(self.host, self.port)
+        elsewhere = "" if url != self.url else f"; from another machine, forward port {self.port}"
         return (
-            f'<iframe src="{self.url}" width="100%" height="640" style="border: 1px solid #ccc" '
+            f'<iframe src="{url}" width="100%" height="640" style="border: 1px solid #ccc" '
             f'allow="clipboard-write"></iframe>'
-            f"<div><small>{self.url}; from another machine, forward port {self.port}.</small></div>"
+            f'<div><small><a href="{url}" target="_blank">{url}</a>{elsewhere}.</small></div>'
         )
 
     def wait(self) -> None:
@@ -137,10 +150,7 @@ class Viewer:
         if self._is_stopped.is_set():
             return
         self._is_stopped.set()
-        self._web.stop()
-        self._worker.stop()
-        self._preview.stop()
-        self._world.stop()
+        self._opened.close()
         _running.discard(self)
         atexit.unregister(self.stop)
 
@@ -179,14 +189,17 @@ class Viewer:
         }
         text = json.dumps(header).encode()
         message = len(text).to_bytes(4, "little") + text + data
+        picture = (f"{_stem(self.name)}.{shot.output}.png", frame.as_png() if frame.most else data)
         with self._lock:
             self._frame = message
             if frame.is_final and shot.view == self._view:
-                self._picture = (f"{_stem(self.name)}.{shot.output}.png", frame.as_png() if frame.most else data)
+                self._picture = picture
         self._web.tell_all("frame", message)
-        if frame.is_final or (frame.step > 1 and time.monotonic() - self._world_shown > WORLD_S):
+        is_due = frame.step > 1 and time.monotonic() - self._world_shown > WORLD_S
+        if frame.is_final or (is_due and not self._is_light):
             self._world_shown = time.monotonic()
             self._world.show_camera(shot.camera, frame.levels)
+            self._preview.follow(shot.camera)
 
     def _say(self, error: Exception) -> None:
         self._web.tell_all("error", {"text": f"{error}" or type(error).__name__})
@@ -197,9 +210,9 @@ class Viewer:
             choices = {"accuracy": list(TIERS), "output": list(SHOWN), "device": devices()}
             page.tell("setup", {"name": self.name, "size": list(self.size), "notes": self.notes, "choices": choices})
             page.tell("settings", asdict(self.settings))
-            if self._pick is not None:
-                page.tell("pick", self._pick)
-                page.tell("step", self._step_report())
+            # Also if there is none: a page that comes again may still show one.
+            page.tell("pick", self._pick or NO_PICK)
+            page.tell("step", {"index": self._step})
             if self._frame is not None:
                 page.tell("frame", self._frame)
 
@@ -212,7 +225,7 @@ class Viewer:
             "step": self._hear_step,
             "set": self._hear_set,
             "weak": lambda page, message: self._worker.do(self._lighten),
-            "home": lambda page, message: self._preview.go_to(self._preview.home),
+            "home": lambda page, message: self._go_home(),
             "zoom": lambda page, message: self._worker.do(lambda: self._world.zoom(self.camera, self._boxes)),
             "camera": lambda page, message: page.tell("camera", {"text": camera_as_python(self.camera)}),
         }
@@ -221,8 +234,8 @@ class Viewer:
         answers[message["type"]](page, message)
 
     def _hear_window(self, page: Page, message: dict) -> None:
-        place = fitted(_window(message), self.size)
-        page.tell("place", {"left": place.left, "top": place.top, "width": place.width, "height": place.height})
+        window = _window(message)
+        page.tell("place", asdict(fitted(window, self.size)) | {"window": asdict(window)})
 
     def _hear_pick(self, page: Page, message: dict) -> None:
         pixel = pixel_at(_window(message), self.size, message["x"], message["y"])
@@ -241,36 +254,51 @@ class Viewer:
         to = None if to is None else checks.integer(to, "to", 0, 1_000_000)
         self._worker.do(lambda: self._go(to, by))
 
+    def _go_home(self) -> None:
+        self._move(self._preview.home)
+        self._preview.go_to(self._preview.home)
+
     def _hear_set(self, page: Page, message: dict) -> None:
         with self._lock:
             before = self.settings
             try:
-                settings = before.changed(message["name"], message["value"])
+                self.settings = settings = before.changed(message["name"], message["value"])
             except ValueError:
                 page.tell("settings", asdict(before))
                 raise
-            self.settings = settings
         if settings.needs_new_tracer(before):
             self._web.tell_all("busy", {"text": "Building ..."})
-            self._worker.do(lambda: self._rebuild(settings, before))
-        else:
-            self._web.tell_all("settings", asdict(settings))
-            self._render()
+            self._worker.do(self._rebuild)
+            return
+        self._web.tell_all("settings", asdict(settings))
+        self._render()
+        if settings.bounces != before.bounces:
+            self._worker.do(self._retrace_pick)
 
-    def _rebuild(self, settings: Settings, before: Settings) -> None:
-        """Another tracer; the old one and its settings stay if it cannot be."""
+    def _rebuild(self) -> None:
+        """A tracer of the latest settings; the old one and its settings stay if it cannot be."""
+        wanted = self.settings
         try:
-            self._worker.replace(Tracer(with_grid(self.scene, settings.grid), settings.accuracy, settings.device))
+            if wanted.needs_new_tracer(self._built):
+                scene = with_grid(self.scene, wanted.grid)
+                self._worker.replace(Tracer(scene, wanted.accuracy, wanted.device))
+                self._built = wanted
         except Exception:
             with self._lock:
-                self.settings = before
+                # What has been chosen meanwhile has a job of its own.
+                if not self.settings.needs_new_tracer(wanted):
+                    kept = {name: getattr(self._built, name) for name in OF_TRACER}
+                    self.settings = replace(self.settings, **kept)
             raise
         finally:
             self._web.tell_all("settings", asdict(self.settings))
             self._web.tell_all("busy", {"text": ""})
+        self._retrace_pick()
+        self._render()
+
+    def _retrace_pick(self) -> None:
         if self._pick is not None:
             self._trace_pick(tuple(self._pick["pixel"]), self._picked_camera, self._pick["view"])
-        self._render()
 
     def _trace_pick(self, pixel: tuple[int, int], camera: Camera, number: int) -> None:
         """Shows the path of a pixel. For the tracing thread."""
@@ -288,7 +316,7 @@ class Viewer:
         with self._lock:
             self._segments, self._boxes, self._pick, self._step = [], [], None, None
         self._world.show_path([], [])
-        self._web.tell_all("pick", {"pixel": None, "segments": [], "cells": [], "view": -1})
+        self._web.tell_all("pick", NO_PICK)
 
     def _lighten(self) -> None:
         """Shows less in the 3-D windows: a page has no GPU to draw them."""
@@ -311,12 +339,9 @@ class Viewer:
                 start = self._step or 0 if to is None else to
                 self._step = min(max(start + by, 0), len(self._boxes) - 1)
             box = None if self._step is None else self._boxes[self._step]
-            report = self._step_report()
+            report = {"index": self._step}
         self._world.show_step(box)
         self._web.tell_all("step", report)
-
-    def _step_report(self) -> dict:
-        return {"index": self._step}
 
 
 _running: set[Viewer] = set()

@@ -17,7 +17,7 @@ from urllib.parse import parse_qs
 
 from .. import checks
 from .hosts import is_expected, is_own_page, names_of
-from .page import Page
+from .page import Page, encoded
 
 MOST_PORTS = 100
 """Tried after the first one that is taken."""
@@ -39,11 +39,16 @@ HEADERS = {
     "Cross-Origin-Resource-Policy": "same-origin",
     "Referrer-Policy": "no-referrer",
 }
-POLICY = "default-src 'self'; img-src 'self' blob: data:; object-src 'none'"
-BARE = (
-    "<style>.mantine-Notifications-root, .mantine-Paper-root, .mantine-Modal-root { display: none !important; }</style>"
+POLICY = "default-src 'self'; img-src 'self' blob: data:; object-src 'none'; base-uri 'none'; form-action 'none'"
+CLIENT_POLICY = (
+    "default-src 'none'; script-src 'unsafe-inline' 'unsafe-eval' blob: data:; worker-src blob: data:; "
+    "style-src 'unsafe-inline'; img-src blob: data:; font-src data:; connect-src 'self' blob: data:; "
+    "base-uri 'none'; form-action 'none'"
 )
-"""viser's own panel would repeat ours, in too small a window."""
+"""viser's client is one file, which makes what it needs itself; it may talk to us alone.
+
+Who may show it in a frame is not said: in a notebook, whose address may be any, our page is in a frame itself.
+"""
 
 
 def listening(host: str, port: int) -> socket.socket:
@@ -88,8 +93,9 @@ class Web:
 
     def tell_all(self, kind: str, message: dict | bytes) -> None:
         """Sends to all pages, from any thread; of one kind, a page that is slow gets the latest alone."""
+        text = encoded(kind, message)
         with contextlib.suppress(RuntimeError):  # the loop is closed
-            self._loop.call_soon_threadsafe(self._offer, kind, message)
+            self._loop.call_soon_threadsafe(self._offer, kind, text)
 
     def stop(self) -> None:
         """Closes the port and all connections."""
@@ -98,9 +104,9 @@ class Web:
         if threading.current_thread() is not self._thread:
             self._thread.join(5.0)
 
-    def _offer(self, kind: str, message: dict | bytes) -> None:
+    def _offer(self, kind: str, message: str | bytes) -> None:
         for page in self._pages:
-            page.tell(kind, message)
+            page.offer(kind, message)
 
     def _run(self) -> None:
         asyncio.set_event_loop(self._loop)
@@ -142,7 +148,7 @@ class Web:
             return _response(http.HTTPStatus.FOUND, "text/plain", b"", location=f"{path}?hideViserLogo")
         if path not in self._files:
             return _response(http.HTTPStatus.NOT_FOUND, "text/plain", b"There is no such page.\n")
-        return _response(http.HTTPStatus.OK, *self._files[path])
+        return _response(http.HTTPStatus.OK, *self._files[path], policy=CLIENT_POLICY if path in CLIENTS else POLICY)
 
     def _answer_picture(self):
         found = self._picture()
@@ -248,9 +254,9 @@ def _files() -> dict[str, tuple[str, bytes]]:
     kinds["/page.css"] = "page.css", "text/css"
     files = {path: (f"{kind}; charset=utf-8", (here / name).read_bytes()) for path, (name, kind) in kinds.items()}
     client = (Path(viser.__file__).parent / "client" / "build" / "index.html").read_text(encoding="utf-8")
-    bare = client.replace("</head>", f"{BARE}</head>", 1).encode()
+    head = (here / "client_head.html").read_text(encoding="utf-8")
     for stage in CLIENTS:
-        files[stage] = "text/html; charset=utf-8", bare
+        files[stage] = "text/html; charset=utf-8", client.replace("</head>", f"{head}</head>", 1).encode()
     return files
 
 
@@ -263,14 +269,18 @@ def _asks_no_more(path: str) -> bool:
 
 
 def _response(
-    status: http.HTTPStatus, kind: str, body: bytes, disposition: str | None = None, location: str | None = None
+    status: http.HTTPStatus,
+    kind: str,
+    body: bytes,
+    disposition: str | None = None,
+    location: str | None = None,
+    policy: str = POLICY,
 ):
     from websockets.datastructures import Headers
     from websockets.http11 import Response
 
     headers = Headers({"Content-Type": kind, "Content-Length": str(len(body)), "Connection": "close", **HEADERS})
-    if kind.startswith("text/html") and BARE.encode() not in body:
-        headers["Content-Security-Policy"] = POLICY
+    headers["Content-Security-Policy"] = policy
     if location:
         headers["Location"] = location
     if disposition:
