@@ -137,6 +137,25 @@ def test_many_rays_do_not_go_through_the_scheduler_with_the_task(scene, client, 
     assert sum(isinstance(part, tiles.RayTile) for part in sent) == 3
 
 
+def test_worker_that_dies_while_rays_are_sent_loses_nothing(scene, client, rng, monkeypatch):
+    monkeypatch.setattr(cluster, "SMALL", 1000)
+    tracer = rt.Tracer(scene, device="cpu")
+    tracer.tile_rays = 400
+    failed, scatter = [], type(client).scatter
+
+    def scatter_or_fail(self, data, **options):
+        if isinstance(data, tiles.RayTile) and len(failed) < 2:
+            failed.append(data)
+            raise distributed.comm.CommClosedError("Stream is closed")
+        return scatter(self, data, **options)
+
+    monkeypatch.setattr(type(client), "scatter", scatter_or_fail)
+    rays = rng.normal(size=(1000, 6)) * 5
+    t = tracer.cast(rays[:, :3], rays[:, 3:], executor=client.get_executor()).t
+    np.testing.assert_array_equal(t, tracer.cast(rays[:, :3], rays[:, 3:]).t)
+    assert len(failed) == 2
+
+
 class Deadly:
     """A tile that kills its worker."""
 
@@ -162,9 +181,12 @@ def test_work_for_which_no_worker_is_left_ends(scene, client, monkeypatch):
     tracer = rt.Tracer(scene, device="cpu")
     monkeypatch.setattr(farm, "PATIENCE", 0.2)
     monkeypatch.setattr(cluster, "PATIENCE", 2.0)
-    executor = client.get_executor(resources={"GPU": 1})
-    with pytest.raises(farm.TileError, match=r"no worker with GPU=1 is left at tcp://"):
-        tracer.render(**OPTIONS, executor=executor)
+    for options, which in (
+        ({"resources": {"GPU": 1}}, "GPU=1"),
+        ({"workers": ["tcp://127.0.0.1:1"]}, ".*127.0.0.1:1.*"),
+    ):
+        with pytest.raises(farm.TileError, match=rf"no worker with {which} is left at tcp://"):
+            tracer.render(**OPTIONS, executor=client.get_executor(**options))
 
 
 def test_slow_result_is_waited_for(client, monkeypatch):

@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import time
+from collections import OrderedDict
 from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
 from multiprocessing import get_context
 
@@ -310,14 +311,21 @@ def test_worker_with_a_broken_device_ends(scene, monkeypatch, capfd):
 
     ended = []
     work = parcel.parcel_of(parcel.recipe_of(rt.Tracer(scene, device="cpu")))
-    work = dataclasses.replace(work, ready=rt.Tracer(scene, device="cpu"))
+    work = work.packed(parcel.recipe_of(rt.Tracer(scene, device="cpu")))
+    own = dataclasses.replace(work, ready=rt.Tracer(scene, device="cpu"))
     monkeypatch.setattr(farm.os, "_exit", ended.append)
-    for is_sound, is_apart in ((True, True), (False, False), (False, True)):
+    # The process of the user stays, whatever it is, and so does a worker whose device answers.
+    for sent, is_sound, is_spawned in (
+        (work, True, True),
+        (work, False, False),
+        (own, False, True),
+        (work, False, True),
+    ):
         assert ended == []
         monkeypatch.setattr(rt.place, "is_sound", lambda _, is_sound=is_sound: is_sound)
-        monkeypatch.setattr(rt.place, "is_apart", lambda is_apart=is_apart: is_apart)
+        monkeypatch.setattr(rt.place, "is_spawned", lambda is_spawned=is_spawned: is_spawned)
         with pytest.raises(RuntimeError, match="CUDA error 700"):
-            farm.run_tile(work, Tile())
+            farm.run_tile(sent, Tile())
     assert ended == [1]
     assert "ends, its device is lost: RuntimeError: CUDA error 700" in capfd.readouterr().err
 
@@ -326,8 +334,9 @@ def test_device_that_answers_is_sound(device):
     assert rt.place.is_sound(wp.get_device(device))
 
 
-def test_few_tiles_are_on_their_way_at_a_time(scene):
+def test_few_tiles_are_on_their_way_at_a_time(scene, monkeypatch):
     """However many there are: they are cut as they go."""
+    monkeypatch.setattr(parcel, "_tracers", OrderedDict())
     recipe = parcel.recipe_of(rt.Tracer(scene, device="cpu"))
     cut, put = [], []
 

@@ -376,8 +376,53 @@ def test_other_rays_of_the_same_shape_are_noticed(tmp_path, tracer, rays, monkey
     with pytest.raises(OSError, match="No space left"):
         rt.cast_file(tracer, rays, tmp_path / "hits", tile=700)
     monkeypatch.undo()
+    rays[1] = rays[2]
     with pytest.raises(ValueError, match="was begun with another rays"):
-        rt.cast_file(tracer, rays + 1, tmp_path / "hits", tile=700)
+        rt.cast_file(tracer, rays, tmp_path / "hits", tile=700)
+
+
+@pytest.mark.parametrize(
+    ("rays", "options", "words"),
+    [
+        ("none.npz", {}, r"rays must be an \.npy file or an array; got none\.npz"),
+        ("text.npy", {}, r"text\.npy is no \.npy file of numbers, or is cut off"),
+        ("good.npy", {"outputs": ()}, "outputs must name at least one"),
+        ("good.npy", {"executor": 4}, r"must be a concurrent\.futures\.Executor; got int"),
+        ("good.npy", {"progress": 3}, "progress must be a function; got 3"),
+        ("good.npy", {"t_max": np.nan}, "t_min and t_max must be one number each"),
+    ],
+)
+def test_mistakes_are_found_before_anything_is_made(tmp_path, monkeypatch, tracer, rays, options, words):
+    monkeypatch.chdir(tmp_path)
+    np.save("good.npy", np.ones((10, 6)))
+    np.savez("none.npz", a=1)
+    Path("text.npy").write_text("not an array")
+    with pytest.raises(ValueError, match=words):
+        rt.cast_file(tracer, rays, "hits", **options)
+    assert not Path("hits").exists()
+
+
+def test_damaged_notes_are_said_or_passed_over(tmp_path, rng):
+    filled(tmp_path / "s", rng)
+    with open(tmp_path / "s" / "journal.txt", "ab") as journal:
+        journal.write(b"\n\xff\xfe 3 abc\n8 700 abc\n-4 2 abc\n")
+    with opened(tmp_path / "s") as store:
+        assert len(store.done) == 10
+    for damaged in ("", "[1]"):
+        (tmp_path / "s" / "terms.json").write_text(damaged)
+        with pytest.raises(ValueError, match=r"terms\.json is damaged: remove \S+s$"), opened(tmp_path / "s"):
+            pass
+
+
+def test_progress_ends_at_the_total_whatever_the_tiles(tmp_path, tracer, rays, monkeypatch):
+    interrupt(monkeypatch, OSError(28, "No space left on device"), 3)
+    with pytest.raises(OSError, match="No space left"):
+        rt.cast_file(tracer, rays, tmp_path / "hits", tile=700)
+    monkeypatch.undo()
+    done = []
+    rt.cast_file(tracer, rays, tmp_path / "hits", tile=1000, progress=lambda *counts: done.append(counts))
+    # Rows 0 to 2099 were there: two tiles, and 100 rows of the third.
+    assert done == [(3000, 5000), (4000, 5000), (5000, 5000)]
 
 
 def test_rays_go_on_where_they_were_cut_off(tmp_path, tracer, rays, monkeypatch):
@@ -412,7 +457,10 @@ def test_rays_of_other_kinds(tmp_path, tracer, rays):
     # Single rows are looked at to know these rays again.
     assert [s for s in asked if s.stop - s.start > 1] == [slice(0, 2000), slice(2000, 4000), slice(4000, 5000)]
     np.save(tmp_path / "bad.npy", rays[:, :5])
-    for bad, words in ((tmp_path / "bad.npy", r"shape \(n, 6\); got float32 \(5000, 5\)"), ([[1, 2]], "got None None")):
+    for bad, words in (
+        (tmp_path / "bad.npy", r"shape \(n, 6\); got float32 \(5000, 5\)"),
+        ([[1, 2]], "or an array; got list"),
+    ):
         with pytest.raises(ValueError, match=words):
             rt.cast_file(tracer, bad, tmp_path / "b")
     with pytest.raises(FileNotFoundError):

@@ -91,6 +91,7 @@ class DaskDelivery:
         self._address = self._client.scheduler.address
         self._count, self._counted_at = 1, -math.inf
         self._resources = executor._kwargs.get("resources") or {}
+        self._named = None if executor._kwargs.get("allow_other_workers") else executor._kwargs.get("workers")
         require_workers(self._client)
         key, self._scattered = _scattered.get(self._client, ("", None))
         if key != parcel.key or self._scattered.status != "finished":
@@ -110,17 +111,22 @@ class DaskDelivery:
         return IN_FLIGHT * self._count
 
     def _eligible(self) -> int:
-        """Workers that have what the work asks for, such as GPU=1."""
-        workers = self._client.scheduler_info(n_workers=-1).get("workers", {}).values()
+        """Workers that have what the work asks for, such as GPU=1, or are those that it names."""
+        workers = self._client.scheduler_info(n_workers=-1).get("workers", {})
         wanted = self._resources.items()
-        return sum(all(w.get("resources", {}).get(name, 0) >= count for name, count in wanted) for w in workers)
+        named = {self._named} if isinstance(self._named, str) else set(self._named or ())
+        return sum(
+            all(w.get("resources", {}).get(name, 0) >= count for name, count in wanted)
+            and (not named or bool(named & {address, w.get("name"), w.get("host")}))
+            for address, w in workers.items()
+        )
 
     def require_workers(self) -> None:
         """Raises TileError if none has come in time, which Dask would wait for without end."""
         end = time.monotonic() + PATIENCE
         while self._client.status == "running" and not self._eligible():
             if time.monotonic() > end:
-                which = " ".join(f"{name}={count:g}" for name, count in self._resources.items())
+                which = " ".join(f"{name}={count:g}" for name, count in self._resources.items()) or self._named
                 raise TileError(f"no worker{f' with {which}' * bool(which)} is left at {self._address}")
             time.sleep(0.1)
 
@@ -130,6 +136,7 @@ class DaskDelivery:
 
     def submit(self, tile: Tile) -> Future:
         """As the executor's own, whose futures never end when the scheduler is lost as their result is fetched."""
+        future: Future = Future()
         try:
             if isinstance(tile, RayTile) and tile.bytes > SMALL:
                 tile = self._client.scatter(tile, hash=False)
@@ -137,7 +144,10 @@ class DaskDelivery:
             task = self._client.submit(run_tile, self._scattered, tile, **{**self._executor._kwargs, "pure": False})
         except RuntimeError as error:
             raise TileError(f"the Dask client is closed ({error})") from None
-        future: Future = Future()
+        except OSError as error:
+            # Of a worker that died, or none: tried again as if the tile had been lost with it.
+            future.set_exception(error)
+            return future
         future.add_done_callback(lambda _: task.cancel() if future.cancelled() else None)
         task.add_done_callback(lambda _: self._land(task, future))
         return future
@@ -167,9 +177,11 @@ class DaskDelivery:
 
     def mend(self, error: BaseException) -> None:
         """Scatters again when the scene may be lost: a cancelled tile means that its scheduler, or its input, is."""
-        if not isinstance(error, CancelledError) and "Cancelled" not in type(error).__name__:
+        is_cancelled = isinstance(error, CancelledError) or "Cancelled" in type(error).__name__
+        if not is_cancelled and not isinstance(error, OSError):
             return
         if self._scattered.status == "finished" and self._client.status == "running":
+            self.require_workers()
             return
         end = time.monotonic() + PATIENCE
         while self._client.status != "running":

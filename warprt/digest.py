@@ -16,10 +16,10 @@ def digest(value) -> str:
     return _digest(value, {}).hex()
 
 
-def _digest(value, known: dict[int, bytes]) -> bytes:
-    """`known` has what was met before, for shapes that many instances share."""
+def _digest(value, known: dict[int, tuple[bytes, object]]) -> bytes:
+    """`known` has what was met before, for shapes that many instances share: kept, so that no other gets its id."""
     if id(value) in known:
-        return known[id(value)]
+        return known[id(value)][0]
     total = hashlib.blake2b(type(value).__qualname__.encode(), digest_size=20)
     if isinstance(value, PLAIN):
         total.update(repr(value).encode())
@@ -30,8 +30,8 @@ def _digest(value, known: dict[int, bytes]) -> bytes:
         return total.digest()
     for part in _parts(value):
         total.update(_digest(part, known))
-    known[id(value)] = total.digest()
-    return known[id(value)]
+    known[id(value)] = total.digest(), value
+    return known[id(value)][0]
 
 
 def _parts(value) -> list:

@@ -109,14 +109,15 @@ def run_tile(parcel: Parcel, tile: Tile) -> Done:
         except OUR_FAULT:
             raise
         except Exception as error:
-            _end_if_broken(tracer, error)
+            if parcel.ready is None and place.is_spawned():
+                _end_if_broken(tracer, error)
             raise
         return Done(arrays, place.name(), time.perf_counter() - started, is_new)
 
 
 def _end_if_broken(tracer: "Tracer", error: Exception) -> None:
     """Some errors of CUDA stay with a process, which would fail every further tile: it makes way for another."""
-    if place.is_apart() and not place.is_sound(tracer.device):
+    if not place.is_sound(tracer.device):
         print(f"warprt: worker {place.name()} ends, its device is lost: {_said(error)}", file=sys.stderr, flush=True)
         os._exit(1)
 

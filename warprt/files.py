@@ -62,10 +62,12 @@ class FileLock:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
             # Else its holder has removed it meanwhile, with all that it was for.
             if not os.path.samestat(os.fstat(file.fileno()), os.stat(self._path)):
-                raise FileNotFoundError(self._path)
-        except OSError:
+                raise BlockingIOError
+        except (BlockingIOError, FileNotFoundError):
             file.close()
             raise BlockingIOError(held) from None
+        except OSError:
+            pass  # a file system without locks
         self._file = file
 
     def release(self) -> None:

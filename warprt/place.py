@@ -22,6 +22,11 @@ def is_apart() -> bool:
     return multiprocessing.parent_process() is not None or _dask_worker() is not None
 
 
+def is_spawned() -> bool:
+    """Whether another process has started this one and can start a new one. Dask's workers may also be threads."""
+    return multiprocessing.parent_process() is not None
+
+
 def device(kind: str) -> wp.Device:
     """The device of this worker for work of a kind, "cpu" or "cuda": WARPRT_DEVICE, or the first that is visible.
 

@@ -43,7 +43,7 @@ class Store:
         self.folder.mkdir(exist_ok=True)
         self._lock.take(f"another process is at work on {self.folder}: wait for it, or choose another name")
         if (self.folder / TERMS).is_file():
-            before = json.loads((self.folder / TERMS).read_text())
+            before = self._read_terms()
             others = [name for name in sorted({*before, *terms}) if before.get(name) != terms.get(name)]
             if not others:
                 self._read_journal()
@@ -52,6 +52,15 @@ class Store:
         write_whole(self.folder / TERMS, lambda file: file.write(json.dumps(terms).encode()))
         self.is_begun = True
         return []
+
+    def _read_terms(self) -> dict:
+        try:
+            terms = json.loads((self.folder / TERMS).read_bytes())
+        except ValueError:
+            terms = None
+        if not isinstance(terms, dict):
+            raise ValueError(f"{self.folder / TERMS} is damaged: remove {self.folder}")
+        return terms
 
     def _read_journal(self) -> None:
         """Takes what it names and is there in full."""
@@ -64,13 +73,14 @@ class Store:
                 continue  # cut off: its rows are done again, and all others with them
             if len(array) == self.count:
                 self._shapes[path.stem] = array.shape[1:], array.dtype
-        for line in (self.folder / JOURNAL).read_text().splitlines():
+        for line in (self.folder / JOURNAL).read_text(errors="replace").splitlines():
             try:
                 first, count, known = line.split()
                 first, count = int(first), int(count)
             except ValueError:
                 continue  # the last line, cut off
-            if known == _hash(self.rows(first, count)):
+            is_within = first >= 0 and count > 0 and first + count <= self.count
+            if is_within and known == _hash(self.rows(first, count)):
                 self.done.add(first, count)
 
     def rows(self, first: int, count: int) -> Arrays:
@@ -142,19 +152,22 @@ class Store:
         # The terms first: without them, it is not unfinished work.
         for path in sorted(self._ours(), key=lambda path: path.name != TERMS):
             path.unlink(missing_ok=True)
+        self.is_begun = False
         self.close()
 
     def remove(self) -> None:
         """Removes the folder with all in it that is ours."""
         for path in [*self._files(), *self._ours()]:
             path.unlink(missing_ok=True)
-        self.done, self._shapes = Spans(), {}
+        self.done, self._shapes, self.is_begun = Spans(), {}, False
         if self.folder.is_dir() and not any(self.folder.iterdir()):
             os.rmdir(self.folder)
         self.close()
 
     def close(self) -> None:
-        """Leaves the folder to other processes."""
+        """Leaves the folder to other processes; one that was begun, and has no row yet, is removed."""
+        if self.is_begun and not len(self.done):
+            self.remove()
         self._lock.release()
 
 

@@ -11,7 +11,7 @@ import warp as wp
 from . import checks
 from ._version import __version__
 from .digest import digest
-from .farm import InProcess, Summary, work
+from .farm import InProcess, Summary, require_executor, work
 from .hits import field_names
 from .parcel import recipe_of
 from .progress import Bar
@@ -43,7 +43,9 @@ def cast_file(
 
     executor: any of `concurrent.futures`. tile: rays at a time, by default 262,144 on a CPU and 1,048,576 on a GPU; a
     few tiles are in memory, whatever n is. progress: as for `Tracer.render`. A call that was cut off goes on when it is
-    made again: what is done stands in the folder, with hashes. Bits are those of `Tracer.cast`.
+    made again: what is done stands in the folder, with hashes. Other rays are noticed by the time of their file, by the
+    contents of an array in memory, and of others by shape and a hundred rows: leave those as they are until the end.
+    Bits are those of `Tracer.cast`.
 
     Raises ValueError for rays of other shapes or types and for a folder of other rays, queries or scenes, OSError when
     a file cannot be read or written, or another process is at work on the folder; what is done then stays.
@@ -51,9 +53,15 @@ def cast_file(
     source = _Rows(rays)
     choice(query, QUERIES, "query")
     options = {"outputs": field_names(outputs)} if query == "cast" else {}
+    if not options.get("outputs", True):
+        raise ValueError("outputs must name at least one")
     limits = (checks.real_array(t_min, "t_min"), checks.real_array(t_max, "t_max"))
-    if limits[0].ndim or limits[1].ndim:
+    if limits[0].ndim or limits[1].ndim or np.isnan(limits).any():
         raise ValueError("t_min and t_max must be one number each")
+    executor = executor or InProcess()
+    require_executor(executor)
+    if not (progress is None or isinstance(progress, bool) or callable(progress)):
+        raise ValueError(f"progress must be a function; got {progress!r}")
     rays_of_tile = checks.integer(tracer.tile_rays or BATCH_RAYS[tracer.kind] if tile is None else tile, "tile")
     recipe, store = recipe_of(tracer), Store(Path(folder), source.count)
     terms = {
@@ -70,14 +78,20 @@ def cast_file(
             names = ", ".join(others)
             raise ValueError(f"{folder} was begun with another {names}: remove it, or choose another folder")
         tiles = source.tiles(query, limits, options, rays_of_tile, store.done.covers)
-        before = len(store.done)
         with Bar(query, source.count) if progress is True else nullcontext(progress or None) as report:
-            step = None if report is None else lambda done: report(before + done, source.count)
-            summary = work(executor or InProcess(), recipe, tiles, store.put, step, tracer)
+            step = None if report is None else lambda _: report(len(store.done), source.count)
+            summary = work(executor, recipe, tiles, store.put, step, tracer)
         store.finish()
         return summary
     finally:
         store.close()
+
+
+def _mapped(path: Path):
+    try:
+        return np.load(path, mmap_mode="r")
+    except (ValueError, EOFError) as error:
+        raise ValueError(f"{path} is no .npy file of numbers, or is cut off: {error}") from None
 
 
 SAMPLED = 100
@@ -89,15 +103,17 @@ class _Rows:
 
     def __init__(self, source):
         self._path = Path(source) if isinstance(source, (str, Path)) else None
-        self._array = np.load(self._path, mmap_mode="r") if self._path else source
+        self._array = _mapped(self._path) if self._path else source
         shape, dtype = getattr(self._array, "shape", None), getattr(self._array, "dtype", None)
-        if shape is None or len(shape) != 2 or shape[1] != 6 or np.dtype(dtype).kind not in "fiu":
+        if shape is None or dtype is None:
+            raise ValueError(f"rays must be an .npy file or an array; got {self._path or type(source).__name__}")
+        if len(shape) != 2 or shape[1] != 6 or np.dtype(dtype).kind not in "fiu":
             raise ValueError(f"rays must be numbers of shape (n, 6); got {dtype} {shape}")
         self.count = shape[0]
         self.name = (
             f"{self._path.resolve()} {self._path.stat().st_mtime_ns}"
             if self._path
-            else f"{dtype} {shape} {self._sampled()}"
+            else f"{dtype} {shape} {self._fingerprint()}"
         )
         if self._path:
             self._dtype, self._offset = self._array.dtype, self._array.offset
@@ -105,8 +121,10 @@ class _Rows:
                 raise ValueError(f"{self._path} must be in C order")
             self._array = None
 
-    def _sampled(self) -> str:
-        """A fingerprint of up to `SAMPLED` rows, by which other rays of the same shape are noticed."""
+    def _fingerprint(self) -> str:
+        """Of all rows of an array in memory, and of up to `SAMPLED` ones of what is read by slices."""
+        if isinstance(self._array, np.ndarray) and not isinstance(self._array, np.memmap):
+            return digest(self._array)
         rows = np.unique(np.linspace(0, max(0, self.count - 1), min(self.count, SAMPLED)).astype(np.int64))
         return digest([np.array(self._array[row : row + 1]) for row in rows.tolist()])
 

@@ -96,10 +96,6 @@ class TiledJob(Job):
             self.store.remove()
         except OSError as error:
             raise OSError(f"{error}; {self._kept()}" if len(self.store.done) else str(error)) from error
-        except KeyboardInterrupt:
-            if self.store.is_begun and not len(self.store.done):
-                self.store.remove()
-            raise
         finally:
             self.store.close()
         self._report(summary)
@@ -149,9 +145,15 @@ class TiledJob(Job):
         left = (tile for tile in self._tiles() if not self.store.has(tile))
         rays_of_row = self.options.size[0] * self.samples
         with Bar(self.output.name, self.height * rays_of_row) as progress:
-            progress.first = len(self.store.done) * rays_of_row
-            progress(0)
-            return work(executor, self.recipe, left, self.store.put, progress, tracer)
+            progress(len(self.store.done) * rays_of_row)
+            return work(
+                executor,
+                self.recipe,
+                left,
+                self.store.put,
+                lambda _: progress(len(self.store.done) * rays_of_row),
+                tracer,
+            )
 
     def _write(self) -> None:
         width, height = self.options.size
