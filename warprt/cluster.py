@@ -1,5 +1,6 @@
 """Workers of a Dask cluster."""
 
+import contextlib
 import importlib.util
 import math
 import time
@@ -96,6 +97,10 @@ class DaskDelivery:
         key, self._scattered = _scattered.get(self._client, ("", None))
         if key != parcel.key or self._scattered.status != "finished":
             self._scatter()
+        else:
+            # Dask has dropped the copies of workers that waited for work, and would give them none.
+            with contextlib.suppress(OSError):  # of a worker that dies meanwhile
+                self._client.replicate([self._scattered])
 
     def _scatter(self) -> None:
         # To all of them, so that it is not lost with one. hash=False: a new key each time, as a lost one stays lost.
