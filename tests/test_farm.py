@@ -292,6 +292,22 @@ def test_pool_that_is_over_does_not_start_anew():
     assert pool.processes() == []
 
 
+UNGUARDED = """
+import warprt as rt
+
+with rt.WorkerPool(1) as pool:
+    rt.Tracer(rt.Scene([rt.Sphere()]), device="cpu").cast([(0, 0, 5)], (0, 0, -1), executor=pool)
+"""
+
+
+def test_script_without_a_guard_is_told(tmp_path):
+    (tmp_path / "script.py").write_text(UNGUARDED)
+    environment = {**os.environ, "PYTHONPATH": ROOT}
+    done = subprocess.run([sys.executable, "script.py"], cwd=tmp_path, env=environment, capture_output=True, text=True)
+    assert done.returncode == 1
+    assert done.stderr.strip().splitlines()[-1].startswith("ValueError: no process of the WorkerPool could start")
+
+
 def test_scene_that_cannot_travel_is_said(pool):
     class Local(rt.Sphere):
         """Known in this function only."""

@@ -227,6 +227,22 @@ def test_same_command_goes_on(folder, monkeypatch, capfd, error, status, rows, w
 
 
 @pytest.mark.usefixtures("in_process")
+def test_sigterm_keeps_what_is_done(folder, monkeypatch, capfd):
+    """Batch systems end work so."""
+    put = Store.put
+
+    def put_and_end(store, *result):
+        put(store, *result)
+        os.kill(os.getpid(), signal.SIGTERM)
+
+    monkeypatch.setattr(Store, "put", put_and_end)
+    before = signal.getsignal(signal.SIGTERM)
+    assert run(*RENDER) == 130
+    assert signal.getsignal(signal.SIGTERM) is before
+    assert "interrupted; 10 of 30 rows are kept in ball.tiles" in capfd.readouterr().err
+
+
+@pytest.mark.usefixtures("in_process")
 def test_tiles_of_another_size_are_used_where_they_cover(folder, monkeypatch, capfd):
     assert run(*RENDER, "-o", "whole.png") == 0
     interrupt(monkeypatch, OSError(28, "full"), 3)  # 15 rows, 5 at a time

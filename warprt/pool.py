@@ -37,7 +37,10 @@ class WorkerPool(Executor):
         self._lock = threading.Lock()
 
     def submit(self, function, /, *arguments, **options) -> Future:
-        """As of any executor, but a pool that has lost a process is replaced first. RuntimeError after the end."""
+        """As of any executor, but a pool that has lost a process is replaced first.
+
+        Raises RuntimeError after the end, ValueError when none of its processes could start.
+        """
         # Each call may start a process.
         with self._lock, _without_interrupts():
             if self._is_over:
@@ -47,6 +50,11 @@ class WorkerPool(Executor):
             except BrokenExecutor:
                 self._pool.shutdown(wait=False, cancel_futures=True)
                 self._pool = None
+                if self._begun.value == 0:
+                    raise ValueError(
+                        "no process of the WorkerPool could start, for the reason printed above: a script needs "
+                        "`if __name__ == '__main__':` around what it does, and one from standard input starts none"
+                    ) from None
                 return self._running().submit(function, *arguments, **options)
 
     def processes(self) -> list[int]:
@@ -74,7 +82,8 @@ class WorkerPool(Executor):
     def _running(self) -> ProcessPoolExecutor:
         if self._pool is None:
             context = multiprocessing.get_context("spawn")
-            start = (context.Value("i", 0), self._devices, self._threads)
+            self._begun = context.Value("i", 0)
+            start = (self._begun, self._devices, self._threads)
             self._pool = ProcessPoolExecutor(self._max_workers, context, _begin, start)
         return self._pool
 

@@ -2,8 +2,11 @@
 
 import argparse
 import shlex
+import signal
 import sys
+import threading
 import time
+from contextlib import contextmanager
 from functools import cached_property
 from pathlib import Path
 
@@ -33,9 +36,23 @@ def run(options: argparse.Namespace) -> None:
     job.require_places()
     job.begin()
     try:
-        job.work()
+        with _ended_like_ctrl_c():
+            job.work()
     except KeyboardInterrupt:
         raise KeyboardInterrupt(job.keep()) from None
+
+
+@contextmanager
+def _ended_like_ctrl_c():
+    """SIGTERM, by which batch systems end work, keeps what is done and clears away the rest too."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
 
 
 def _job(options: argparse.Namespace) -> "Job":
