@@ -124,7 +124,7 @@ def _all_hits(options, size: int, rounds: int, threads: int):
 
 def _workers(options, size: int, rounds: int, threads: int):
     if options.quick:
-        return workers.measure(20_000, 64, 2, 1 << 11, rounds, (2,)), workers.table, None
+        return workers.measure(20_000, 64, 2, 1 << 11, rounds, (2,), is_quick=True), workers.table, None
     return workers.measure(1_100_000, 1024, 4, workers.TILE, rounds), workers.table, None
 
 

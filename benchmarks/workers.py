@@ -64,12 +64,12 @@ def recipe(triangles: int) -> Recipe:
 Maker = Callable[[ExitStack], Executor]
 
 
-def executors(counts: tuple[int, ...]) -> dict[str, tuple[Maker, int]]:
+def executors(counts: tuple[int, ...], has_dask: bool) -> dict[str, tuple[Maker, int]]:
     """What makes every executor that is measured, by name, with its number of workers."""
     found: dict[str, tuple[Maker, int]] = {"in process": (lambda _: farm.InProcess(), 1)}
     for count in counts:
         found[f"pool of {count}"] = (lambda stack, n=count: stack.enter_context(rt.WorkerPool(n, threads=1))), count
-    if importlib.util.find_spec("distributed") is not None:
+    if has_dask and importlib.util.find_spec("distributed") is not None:
         for count in counts:
             found[f"Dask, {count}"] = (lambda stack, n=count: _dask(stack, n)), count
     return found
@@ -83,10 +83,15 @@ def _dask(stack: ExitStack, count: int) -> Executor:
     return stack.enter_context(distributed.Client(cluster)).get_executor()
 
 
-def measure(triangles: int, size: int, samples: int, tile: int, rounds: int, counts=COUNTS) -> dict:
-    """Seconds of one picture by each executor, cold and warm, and the pieces of which a model makes them."""
+def measure(
+    triangles: int, size: int, samples: int, tile: int, rounds: int, counts=COUNTS, is_quick: bool = False
+) -> dict:
+    """Seconds of one picture by each executor, cold and warm, and the pieces of which a model makes them.
+
+    is_quick: without Dask, and without compiling, which takes longest.
+    """
     os.environ["WARPRT_THREADS"] = "1"
-    what, compiling = recipe(triangles), _compile_costs()
+    what, compiling = recipe(triangles), _compile_costs(is_quick)
     camera = rt.Tracer(what.scene, device="cpu", threads=1).framing_camera()
     options = {"samples": samples, "max_bounces": None, "integrator": "whitted", "noise": None}
     look = {"exposure": 1.0, "tone": "srgb"}
@@ -105,7 +110,7 @@ def measure(triangles: int, size: int, samples: int, tile: int, rounds: int, cou
             store.remove()
             return summary
 
-        makers = executors(counts)
+        makers = executors(counts, has_dask=not is_quick)
         # Of executors of their own, which end then.
         first = {name: _first(maker, count, run) for name, (maker, count) in makers.items()}
         pool = {}
@@ -174,7 +179,7 @@ print(times[2] - times[0], times[2] - times[1])
 """
 
 
-def _compile_costs() -> dict[str, float]:
+def _compile_costs(is_quick: bool) -> dict[str, float]:
     """Seconds to compile the kernels of such a scene, once for each machine, and to load those of its picture."""
     with tempfile.TemporaryDirectory() as folder:
         usual = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
@@ -182,10 +187,10 @@ def _compile_costs() -> dict[str, float]:
         # First in the usual place, so that everything else finds them there.
         told = [
             subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
-            for environment in (usual, *[{**usual, "WARP_CACHE_PATH": folder}] * 2)
+            for environment in [usual, *[{**usual, "WARP_CACHE_PATH": folder}] * (0 if is_quick else 2)]
         ]
-    _, (new, _), (known, load) = (map(float, done.stdout.split()[-2:]) for done in told)
-    return {"compile_s": new - known, "load_s": load}
+    *_, (new, _), (known, load) = [(0.0, 0.0), *(tuple(map(float, done.stdout.split()[-2:])) for done in told)]
+    return {"load_s": load} | ({} if is_quick else {"compile_s": new - known})
 
 
 def _costs(run) -> dict[str, float]:
@@ -226,10 +231,11 @@ TIMES = (
 def table(results: dict) -> str:
     """A line for each executor."""
     pieces = results["pieces"]
+    compiled = f"compiled in {pieces['compile_s']:.1f} s, " if "compile_s" in pieces else ""
     lines = [
         f"{pieces['tiles']} tiles, {pieces['triangles']:,} triangles, {pieces['scene_mb']:.1f} MB: packed in "
         f"{pieces['pack_s']:.2f} s, unpacked in {pieces['unpack_s']:.2f} s, built in {pieces['build_s']:.2f} s; "
-        f"kernels compiled in {pieces['compile_s']:.1f} s, loaded in {pieces['load_s']:.2f} s",
+        f"kernels {compiled}loaded in {pieces['load_s']:.2f} s",
         f"{'executor':<12} {'start s':>8} {'scene s':>8} {'first s':>7} {'model s':>8} {'next s':>7} {'model s':>8} "
         f"{'ratio':>6} {'tile s':>7} {'call s':>7} {'ms a tile':>10} {'ms a MB':>8}",
     ]

@@ -1,6 +1,7 @@
 """What `measure`, `audit` and the commands on top of them say."""
 
 import json
+from pathlib import Path
 
 import exact
 import numpy as np
@@ -155,12 +156,27 @@ def test_audit_command(capsys):
     assert "for a tolerance of 1e-09: mixed" in capsys.readouterr().out
 
 
-def test_tradeoff_command(tmp_path, capsys):
+MIRROR_BALL = """
+import warprt as rt
+
+
+def scene():
+    material = rt.Material(diffuse=(0.5, 0.5, 0.5), mirror=(0.4, 0.4, 0.4))
+    ball = rt.load_scene("ball.ply").objects[0].shape
+    return rt.Scene([rt.Instance(ball, material=material)], [rt.DirectionalLight((1, 1, 1))])
+"""
+
+
+def test_tradeoff_command(tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    BALL.export("ball.ply")
+    Path("mirror.py").write_text(MIRROR_BALL)
     path, plot = tmp_path / "t.json", tmp_path / "t.png"
     options = ["--rays", "2000", "--rounds", "1", "--device", "cpu", "-o", str(path), "--plot", str(plot)]
-    assert main(["tradeoff", "showcase", *options]) == 0
+    assert main(["tradeoff", "mirror.py", *options]) == 0
     out = capsys.readouterr().out
-    for word in ("robust", "samples", "max_bounces", "same_bits", "jumps", "float32 normalised"):
+    # Peers, as all of it is meshes.
+    for word in ("robust", "samples", "max_bounces", "same_bits", "jumps", "float32 normalised", "wp.Mesh"):
         assert word in out
     results = json.loads(path.read_text())["results"]
     assert set(results["tiers"]) == set(TIERS)
@@ -169,9 +185,3 @@ def test_tradeoff_command(tmp_path, capsys):
     assert all(entry["same_bits"] for entry in results["jumps"].values())
     assert set(results["directions"]) == {"float32", "float64"}
     assert plot.stat().st_size > 5000
-
-
-def test_tradeoff_sets_peers_beside_scenes_of_meshes(tmp_path, capsys):
-    BALL.export(tmp_path / "ball.ply")
-    assert main(["tradeoff", str(tmp_path / "ball.ply"), "--rays", "2000", "--rounds", "1", "--device", "cpu"]) == 0
-    assert "wp.Mesh" in capsys.readouterr().out
