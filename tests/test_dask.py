@@ -77,10 +77,9 @@ def machines():
 
 @pytest.fixture(scope="module")
 def client():
-    """Of four workers that stay."""
-    with started() as machines, cluster.connect(machines.address) as client:
-        machines.add_worker()
-        machines.add_worker()
+    """Of four processes that stay."""
+    options = {"n_workers": 4, "threads_per_worker": 1, "dashboard_address": None, "silence_logs": 50}
+    with distributed.LocalCluster(**options) as machines, cluster.connect(machines.scheduler_address) as client:
         client.wait_for_workers(4, timeout=120)
         yield client
 
