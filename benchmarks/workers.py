@@ -21,6 +21,7 @@ from warprt import farm, place
 from warprt.lights import daylight
 from warprt.parcel import Recipe, make_tracer
 from warprt.store import Store
+from warprt.summary import Summary
 from warprt.tiles import picture_tiles
 from warprt.timing import alternating
 
@@ -103,7 +104,7 @@ def measure(
         numbers, kept, cold = itertools.count(), {}, {}
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
 
-        def run(executor, work) -> farm.Summary:
+        def run(executor, work) -> Summary:
             store = Store(folder / str(next(numbers)), size)
             store.begin({})
             summary = farm.work(executor, what, work, store.put, tracer=kept.get(executor))
@@ -154,7 +155,7 @@ def _first(maker: Maker, count: int, run) -> dict[str, float]:
             names |= {future.result() for future in [executor.submit(place.name) for _ in range(count)]}
             time.sleep(0.02)
         times.append(time.perf_counter())
-        summary = farm.Summary()
+        summary = Summary()
         while len(summary.scenes) < count:
             summary = run(executor, [Nothing(k, 0, 0.05) for k in range(2 * count)])
         times.append(time.perf_counter())

@@ -19,6 +19,7 @@ import warprt as rt
 from warprt import farm, tiff, tiled_rendering
 from warprt.spans import Spans
 from warprt.store import Store
+from warprt.summary import Summary
 from warprt.tiles import RayTile
 
 RENDER = ("render", "ball.cfg", "--size", "40x30", "--device", "cpu", "--workers", "2", "--tile", "800")
@@ -531,10 +532,10 @@ def test_memory_does_not_grow_with_the_rays(tmp_path):
 
 
 def test_summary_says_who_did_what():
-    summary = farm.Summary(retries=1)
+    summary = Summary(retries=1)
     for worker, count in (("b", 2), ("a", 1)):
         for k in range(count):
-            summary.add(tile(k, 10), farm.Done({}, worker, 0.5, k == 0))
+            summary.add(10, worker, 0.5, k == 0)
     assert str(summary).splitlines() == [
         "a: 1 tiles in 0.50 s of work, scene unpacked 1 x",
         "b: 2 tiles in 1.00 s of work, scene unpacked 1 x",

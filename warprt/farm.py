@@ -4,7 +4,6 @@ import os
 import sys
 import tempfile
 import time
-from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import (
     FIRST_COMPLETED,
@@ -17,13 +16,14 @@ from concurrent.futures import (
     wait,
 )
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from . import place
 from .parcel import Parcel, Recipe, lock, parcel_of
 from .pool import WorkerPool
+from .summary import Summary
 from .tiles import Arrays, PictureTile, RayTile
 
 if TYPE_CHECKING:
@@ -53,37 +53,6 @@ class Done:
     seconds: float
     is_new: bool
     """Whether the worker had to unpack the scene for it."""
-
-
-@dataclass
-class Summary:
-    """Who did what."""
-
-    seconds: float = 0.0
-    rays: int = 0
-    tiles: Counter = field(default_factory=Counter)
-    """Finished tiles by worker."""
-    busy: Counter = field(default_factory=Counter)
-    """Seconds at work by worker."""
-    scenes: Counter = field(default_factory=Counter)
-    """How often a worker unpacked the scene."""
-    retries: int = 0
-    """Tiles that were handed out again."""
-
-    def add(self, tile: Tile, done: Done) -> None:
-        """Counts a finished tile."""
-        self.rays += tile.rays
-        self.tiles[done.worker] += 1
-        self.busy[done.worker] += done.seconds
-        self.scenes[done.worker] += done.is_new
-
-    def __str__(self) -> str:
-        lines = [
-            f"{worker}: {count} tiles in {self.busy[worker]:.2f} s of work, scene unpacked {self.scenes[worker]} x"
-            for worker, count in sorted(self.tiles.items())
-        ]
-        again = "1 retry" if self.retries == 1 else f"{self.retries} retries"
-        return "\n".join([*lines, f"{self.tiles.total()} tiles by {len(self.tiles)} workers, {again}"])
 
 
 class InProcess(Executor):
@@ -143,7 +112,7 @@ def work(
         try:
             for tile, done in flights:
                 put(tile, done.arrays)
-                summary.add(tile, done)
+                summary.add(tile.rays, done.worker, done.seconds, done.is_new)
                 if progress is not None:
                     progress(summary.rays)
         except KeyboardInterrupt:

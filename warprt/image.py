@@ -3,7 +3,6 @@
 import io
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 import PIL.Image
@@ -12,9 +11,7 @@ import PIL.PngImagePlugin
 from . import checks
 from .files import write_whole
 from .heat import heat_map
-
-if TYPE_CHECKING:
-    from .farm import Summary
+from .summary import Summary
 
 EFFORT = ("cells", "tests")
 """Counts of what the search for a pixel's hit took."""
@@ -113,7 +110,7 @@ class Image:
     is equal where a ray meets but one mesh. Pictures themselves may take less: they look at rays in packets.
     """
 
-    def __init__(self, arrays: dict[str, np.ndarray], summary: "Summary | None" = None):
+    def __init__(self, arrays: dict[str, np.ndarray], summary: Summary | None = None):
         self._arrays = arrays
         self.summary = summary
         """Which workers made it; None if it was made without `executor=`."""

@@ -11,11 +11,12 @@ import warp as wp
 from . import checks
 from ._version import __version__
 from .digest import digest
-from .farm import InProcess, Summary, require_executor, work
+from .farm import InProcess, require_executor, work
 from .hits import field_names
 from .parcel import recipe_of
 from .progress import Bar
 from .store import Store
+from .summary import Summary
 from .tiles import BATCH_RAYS, RayTile
 from .tracer import Tracer, choice
 from .typing import ArrayLike

@@ -7,7 +7,7 @@ from contextlib import contextmanager
 import PIL.Image
 
 from . import checks
-from .farm import InProcess, Summary, work
+from .farm import InProcess, work
 from .image import Image, write_picture
 from .launch import default_threads
 from .parcel import Recipe, recipe_of
@@ -15,6 +15,7 @@ from .pool import WorkerPool
 from .progress import Bar
 from .rendering import Job
 from .store import Store
+from .summary import Summary
 from .tiff import is_streamed, require_tifffile, write_tiled
 from .tiles import TILE_RAYS, PictureTile, picture_tiles
 from .tracer import Tracer, as_device
