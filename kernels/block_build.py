@@ -1,10 +1,9 @@
 """Kernels that cut a user's faces into blocks of eight neighbours: place each along a curve, sort, copy."""
 
-from functools import cache
-
 import warp as wp
 
 from .blocks import make_set_face, slot_row
+from .making import once
 from .memory import int_at, vec3d_at
 from .rounding import OPTIONS, largest, largest_of, smallest_of, unit_roundoff
 from .structs import WIDE
@@ -145,7 +144,7 @@ def bound_faces(
         bounds[chunk, 3 + axis] = most[axis] + nothing[axis]
 
 
-@cache
+@once
 def make_fill_blocks(real):
     """Kernel that copies faces, in sorted order, into the lanes of blocks. A face without area becomes a point."""
     set_face = make_set_face(real)

@@ -5,10 +5,9 @@ a tenth row lie the numbers of the user's faces, -1 in unused lanes. On a CPU th
 GPU they are a loop. Both round the same operations, so they answer the same.
 """
 
-from functools import cache
-
 import warp as wp
 
+from .making import once
 from .memory import make_at
 from .spec import Tier
 
@@ -81,7 +80,7 @@ def native_code(code: str, real: type, is_vector: bool = True) -> str:
     return code if is_vector else code.replace("#if !defined(__CUDA_ARCH__)", "#if 0")
 
 
-@cache
+@once
 def make_candidates(tier: Tier):
     """Which triangles of a block a ray may hit, lane by lane in the bits of an int.
 
@@ -118,7 +117,7 @@ def lowest_lane(mask: int) -> int:
     ...
 
 
-@cache
+@once
 def make_corner(real):
     """Vertex j of the triangle whose first row begins at `row`, in float64."""
     at = make_at(real)
@@ -137,7 +136,7 @@ def slot_row(slot: int):
     return (slot >> 3) * 80 + (slot & 7)
 
 
-@cache
+@once
 def make_face_at(real):
     """The user's number of the face in a slot, -1 if it is unused."""
 
@@ -147,7 +146,7 @@ def make_face_at(real):
     return face_at
 
 
-@cache
+@once
 def make_set_face(real):
     """Stores what `face_at` reads."""
 

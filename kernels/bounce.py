@@ -1,12 +1,11 @@
 """Where a path goes on from a surface, and with how much of the light."""
 
-from functools import cache
-
 import warp as wp
 
 from .chance import chance
 from .generic import Vec3
 from .glass import through_glass
+from .making import once
 from .point import make_seen_normal
 from .smooth import make_above
 from .spec import Choice, Look
@@ -18,7 +17,7 @@ FEWEST_BOUNCES = wp.constant(3)
 """A path ends by chance only after these."""
 
 
-@cache
+@once
 def make_number(look: Look):
     """The number in [0, 1) by which a path makes a choice at the surface where it is."""
     Path, dimensions = path_struct(look), look.dimensions
@@ -30,7 +29,7 @@ def make_number(look: Look):
     return number
 
 
-@cache
+@once
 def make_clear(look: Look):
     """The share of light that goes on as by a mirror or through glass; a material is one or the other."""
     Lights, Point, has_mirrors, has_glass = look_struct(look), point_struct(look), look.mirrors, look.glass
@@ -50,7 +49,7 @@ def make_clear(look: Look):
     return clear
 
 
-@cache
+@once
 def make_onwards(look: Look):
     """The path after a mirror or glass, whose share of the light is already taken."""
     Lights, Path, Point = look_struct(look), path_struct(look), point_struct(look)
@@ -98,7 +97,7 @@ def cosine_direction(n: Vec3, x: wp.float64, y: wp.float64):
     return type(n)(d / size)
 
 
-@cache
+@once
 def make_scatter(look: Look):
     """The path after a surface that scatters evenly, whose share is already taken."""
     Path, Point, number, seen_normal = path_struct(look), point_struct(look), make_number(look), make_seen_normal(look)
@@ -119,7 +118,7 @@ def make_scatter(look: Look):
     return scatter
 
 
-@cache
+@once
 def make_bounce(look: Look):
     """The path at its next surface; its throughput is 0 where it ends."""
     Lights, Path, Point = look_struct(look), path_struct(look), point_struct(look)

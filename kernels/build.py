@@ -4,12 +4,11 @@ Each item writes to its own range of (cell, item) pairs, so no atomics are neede
 every device; a stable sort by cell then leaves the items of a cell ascending.
 """
 
-from functools import cache
-
 import warp as wp
 
 from .blocks import make_corner, make_face_at, slot_row
 from .grid import cell_id, cell_of
+from .making import once
 from .rounding import OPTIONS, larger, largest_of, smaller, smallest_of
 from .structs import WIDE, grid_struct
 from .tree import STEPS, bound_at, set_bound
@@ -99,7 +98,7 @@ def store_bounds(
         bounds[6 * slot + 3 + axis] = int(wp.clamp(last, WIDE(0.0), WIDE(STEPS)))
 
 
-@cache
+@once
 def make_list_blocks(real):
     """Kernel that counts, or stores, the cells that each block touches, with its padded bounds within each."""
     corner, face_at = make_corner(real), make_face_at(real)

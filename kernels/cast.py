@@ -1,10 +1,9 @@
 """Kernels that answer rays: closest hit, any hit, and secondary rays from hits."""
 
-from functools import cache
-
 import warp as wp
 
 from .error import make_t_error
+from .making import once
 from .memory import make_at, vec3d_at
 from .packet import make_store_packet, make_trace_packet, packet_struct
 from .rounding import real_above
@@ -17,7 +16,7 @@ Rays = rays_struct()
 limit_at, vec3f_at = make_at(WIDE), make_at(wp.vec3f)
 
 
-@cache
+@once
 def make_load_ray(wide):
     """Ray k as (origin, direction, t_min, t_max): in float64, which holds float32 exactly, they are as given."""
     vec = vec3(wide)
@@ -33,7 +32,7 @@ def make_load_ray(wide):
     return load_ray
 
 
-@cache
+@once
 def make_store_surface(spec: Spec):
     """Stores what only the surface at a hit of ray k tells: point, normal, weights, bound, those that are asked for."""
     real, wide = spec.tier.result, spec.tier.wide
@@ -67,7 +66,7 @@ def make_store_surface(spec: Spec):
     return store_surface
 
 
-@cache
+@once
 def make_cast(spec: Spec, full: bool):
     """Closest hits of one ray a thread. Only with `full` does code for points, normals and weights exist."""
     real, load_ray = spec.tier.result, make_load_ray(spec.tier.wide)
@@ -95,7 +94,7 @@ def make_cast(spec: Spec, full: bool):
     return cast
 
 
-@cache
+@once
 def make_cast_packets(spec: Spec):
     """Closest hits of `width` rays a thread, t and ids alone: what `make_cast` stores, sooner."""
     Scene, Arrays, Packet = scene_struct(spec), hit_arrays_struct(spec.tier.result), packet_struct(spec.tier)
@@ -112,7 +111,7 @@ def make_cast_packets(spec: Spec):
     return cast_packets
 
 
-@cache
+@once
 def make_occluded(spec: Spec):
     """Whether anything is met at all: the same body as the closest hit, ended by the first one found."""
     Scene = scene_struct(spec)
@@ -127,7 +126,7 @@ def make_occluded(spec: Spec):
     return occluded
 
 
-@cache
+@once
 def make_occluded_packets(spec: Spec):
     """What `make_occluded` stores, for `width` rays a thread."""
     Scene, Packet, trace_packet = scene_struct(spec), packet_struct(spec.tier), make_trace_packet(spec, Search.ANY)
@@ -148,7 +147,7 @@ def make_occluded_packets(spec: Spec):
     return occluded_packets
 
 
-@cache
+@once
 def make_spawn(spec: Spec):
     """Origins of rays that leave the hits of other rays; a miss has none and gives NaN."""
     Scene, load_ray, vec = scene_struct(spec), make_load_ray(spec.tier.wide), vec3(spec.tier.wide)

@@ -4,11 +4,10 @@ A task is one ray and its room among the hits gathered. What does not fit is cou
 be run again with room enough.
 """
 
-from functools import cache
-
 import warp as wp
 
 from .cast import make_load_ray, make_store_surface
+from .making import once
 from .rounding import up_to_t_max
 from .settle import make_settle
 from .spec import Search, Spec
@@ -26,7 +25,7 @@ from .trace import make_primitive_id, make_search
 Rays = rays_struct()
 
 
-@cache
+@once
 def tasks_struct(wide):
     """Rays whose hits are gathered together."""
     return make_struct(
@@ -42,7 +41,7 @@ def tasks_struct(wide):
     )
 
 
-@cache
+@once
 def make_gather_all(spec: Spec):
     """Gathers the hits of each task's ray and puts them in order. At most `most` of them, the nearest, are kept."""
     wide = spec.tier.wide
@@ -78,7 +77,7 @@ def make_gather_all(spec: Spec):
     return gather_all
 
 
-@cache
+@once
 def make_store_all(spec: Spec, full: bool):
     """Stores the hits of each task from where those of its ray begin. Only with `full` does code for points exist."""
     wide, real = spec.tier.wide, spec.tier.result

@@ -4,11 +4,10 @@ Afterwards, and in float64: the point that the parameter stands for is put into 
 left over, and what this evaluation may be off by, divided by how fast the ray crosses the surface, bounds the error.
 """
 
-from functools import cache
-
 import warp as wp
 
 from .crossing import Crossing, crossing_at, plane_error, sphere_error, wall_error
+from .making import once
 from .memory import int_at, make_at
 from .rounding import largest, unit_roundoff
 from .solid import has_solid, is_solid
@@ -18,7 +17,7 @@ from .structs import WIDE, hit_struct, mat33, scene_struct, surface_struct, vec3
 from .surface import make_edges
 
 
-@cache
+@once
 def make_face_error(spec: Spec):
     """Of the plane of a face, through the corners as the user gave them: on the device they are rounded."""
     Scene, edges = scene_struct(spec), make_edges(spec)
@@ -50,7 +49,7 @@ def make_face_error(spec: Spec):
     return face_error
 
 
-@cache
+@once
 def make_t_error(spec: Spec):
     """Bound of |t - t*| for a hit, before t is rounded, with its surface. The ray is the one that was cast."""
     wide = spec.tier.wide

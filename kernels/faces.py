@@ -1,11 +1,10 @@
 """Closest or any triangle of one mesh: the walk through its grid, or a test of each block."""
 
-from functools import cache
-
 import warp as wp
 
 from .blocks import lowest_lane, make_candidates, make_face_at, slot_row
 from .generic import Struct
+from .making import once
 from .memory import make_at
 from .rounding import from_t_min, real_above, rounding_of_sum, safe_reciprocal, unit_roundoff, up_to_t_max
 from .spec import Search, Spec, Tier
@@ -24,7 +23,7 @@ from .tree_walk import make_counted_slot, make_next_slot, make_start_walk, walk_
 from .triangle import shear_axes, solve_sheared, touch_sheared
 
 
-@cache
+@once
 def make_face_ray(tier: Tier):
     """A local ray rounded to the arithmetic of meshes and sheared onto its main axis."""
     real, wide, result, has_fine = tier.real, tier.wide, tier.result, tier.has_fine
@@ -64,7 +63,7 @@ def make_face_ray(tier: Tier):
     return face_ray
 
 
-@cache
+@once
 def make_in_range(tier: Tier):
     """Whether t_min <= t < t_max holds for the parameter as it will be reported, a finite number.
 
@@ -81,7 +80,7 @@ def make_in_range(tier: Tier):
     return in_range
 
 
-@cache
+@once
 def make_gather(tier: Tier):
     """One more hit of a ray, unless it is one of the last few: a triangle is met in each cell that lists it."""
     wide = tier.wide
@@ -114,7 +113,7 @@ def make_gather(tier: Tier):
     return gather
 
 
-@cache
+@once
 def make_reported_from(tier: Tier):
     """t, or a parameter at most an ulp above it, that will not be reported as below t."""
     result, wide = tier.result, tier.wide
@@ -166,13 +165,13 @@ def _make_on_sheared(spec: Spec, solve):
     return _on_tested_corners(spec, on_sheared)
 
 
-@cache
+@once
 def make_hit_slot(spec: Spec):
     """Ray against the triangle of one slot, as `hit_triangle`, with the shear taken from the ray."""
     return _make_on_sheared(spec, solve_sheared)
 
 
-@cache
+@once
 def make_is_at(spec: Spec):
     """Whether a local ray begins in the plane of a slot's triangle: in the floats at hand, exactly."""
     result = spec.tier.result
@@ -191,7 +190,7 @@ def make_is_at(spec: Spec):
     return _on_tested_corners(spec, is_in_plane)
 
 
-@cache
+@once
 def make_meet_slot(spec: Spec):
     """(is_hit, t) of the triangle of a slot, t along the local ray."""
     tier, wide = spec.tier, spec.tier.wide
@@ -212,7 +211,7 @@ def make_meet_slot(spec: Spec):
     return meet_slot
 
 
-@cache
+@once
 def make_try_slot(spec: Spec, search: Search):
     """The better of a hit and the triangle of a slot.
 
@@ -256,7 +255,7 @@ def make_try_slot(spec: Spec, search: Search):
     return try_slot
 
 
-@cache
+@once
 def make_hit_faces(spec: Spec, search: Search):
     """Best triangle of a mesh."""
     tier = spec.tier
@@ -294,7 +293,7 @@ def make_hit_faces(spec: Spec, search: Search):
     return hit_faces
 
 
-@cache
+@once
 def make_hit_walk(spec: Spec, search: Search):
     """Best triangle of a mesh on a walk that begins."""
     tier = spec.tier

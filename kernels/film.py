@@ -1,9 +1,8 @@
 """How far samples of a pixel spread, and whether it needs more of them."""
 
-from functools import cache
-
 import warp as wp
 
+from .making import once
 from .rounding import OPTIONS
 from .structs import film_struct
 
@@ -34,7 +33,7 @@ def is_quiet(total: wp.vec3d, spread: wp.vec3d, count: int, noise: wp.float64) -
     return True
 
 
-@cache
+@once
 def make_settle(goes_on: bool):
     """Pixels that are quiet, and their neighbours in their row too, are done."""
     Film = film_struct(True, goes_on)

@@ -4,11 +4,10 @@ A 3D-DDA (Amanatides & Woo 1987) whose only state is the integer index of the ce
 so nothing drifts, and it only ever moves forward, so the walk ends after at most nx + ny + nz cells.
 """
 
-from functools import cache
-
 import warp as wp
 
 from .generic import Real, Struct, Vec3
+from .making import once
 from .rounding import larger, smaller
 from .structs import grid_struct
 
@@ -58,7 +57,7 @@ def step_of(d: Real):
     return 1, 1
 
 
-@cache
+@once
 def make_walk(real, visit):
     """A walk through the cells that a ray pierces, in order.
 

@@ -1,11 +1,10 @@
 """A world ray taken into the canonical space of an instance, up to the bounds of its shape."""
 
-from functools import cache
-
 import warp as wp
 
 from .box import enter_box
 from .generic import Real
+from .making import once
 from .memory import int_at, make_at
 from .rounding import (
     from_t_min,
@@ -30,7 +29,7 @@ def advance(t: Real):
     return wp.floor(t * type(t)(1024.0)) * type(t)(0.0009765625)
 
 
-@cache
+@once
 def make_enter(spec: Spec):
     """Ray and instance to local ray. In float64, but for `fast`: this is where float32 would cancel."""
     wide = spec.tier.wide

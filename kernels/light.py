@@ -1,18 +1,17 @@
 """Direct light at a surface point: Lambert and Blinn-Phong, with shadow rays."""
 
-from functools import cache
-
 import warp as wp
 
 from .chance import chance
 from .generic import Vec3, Wide
+from .making import once
 from .spec import Choice, Look, Search
 from .structs import lit_struct, look_struct, point_struct, scene_struct, vec3
 from .surface import leave
 from .trace import make_trace
 
 
-@cache
+@once
 def make_cosine(look: Look):
     """How squarely light from a direction, not unit, falls on a point, times the direction's length; 0 from behind."""
     Point, wide, vec = point_struct(look), look.spec.tier.wide, vec3(look.spec.tier.wide)
@@ -30,7 +29,7 @@ def make_cosine(look: Look):
     return cosine_to
 
 
-@cache
+@once
 def make_add_light(look: Look):
     """Adds light of a colour, already times its cosine, that comes to a point from a direction."""
     Point, Lit, vec = point_struct(look), lit_struct(look), vec3(look.spec.tier.wide)
@@ -55,7 +54,7 @@ def make_add_light(look: Look):
     return add_light
 
 
-@cache
+@once
 def make_lamp(look: Look):
     """Adds the light of a lamp at one place, unless something lies between."""
     Scene, Point, Lit = scene_struct(look.spec), point_struct(look), lit_struct(look)
@@ -92,7 +91,7 @@ def spot_share(direction: Vec3, to_light: Vec3, cos_inner: Wide, cos_outer: Wide
     return wp.float32(share * share)
 
 
-@cache
+@once
 def make_rectangle_position(look: Look):
     """Where on a rectangle a sample's light comes from, in [0, 1)^2: evenly over the samples of a pixel."""
     Point, dimensions, u, v = point_struct(look), look.dimensions, int(Choice.LIGHT_U), int(Choice.LIGHT_V)
@@ -108,7 +107,7 @@ def make_rectangle_position(look: Look):
     return rectangle_position
 
 
-@cache
+@once
 def make_direct(look: Look):
     """Direct light at a surface point. Absent lights leave no code behind."""
     Scene, Lights, Point, Lit = scene_struct(look.spec), look_struct(look), point_struct(look), lit_struct(look)

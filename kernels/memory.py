@@ -4,12 +4,12 @@ An index expression of a kernel allows for negative indices and for strides: fiv
 a ray takes a few hundred in all.
 """
 
-from functools import cache
-
 import warp as wp
 
+from .making import once
 
-@cache
+
+@once
 def make_at(dtype):
     """array[k] of a packed, one-dimensional array."""
 

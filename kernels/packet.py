@@ -4,12 +4,11 @@ On a CPU, where a ray that sees one mesh would spend a third of its time here, t
 is one ray. Each operation is rounded as in instance.py, faces.py and grid.py, so the bits are theirs.
 """
 
-from functools import cache
-
 import warp as wp
 
 from .blocks import lowest_lane, make_face_at, native_code
 from .faces import make_hit_walk
+from .making import once
 from .memory import int_at, make_at
 from .spec import Search, Spec, Tier
 from .structs import (
@@ -313,7 +312,7 @@ def packet_code(code: str, tier: Tier, real: type | None = None) -> str:
     return native_code(code, real or tier.real)
 
 
-@cache
+@once
 def packet_struct(tier: Tier):
     """Eight rays and their best hits; in the space of a mesh, what `face_ray_struct` and `walk_struct` hold of each."""
     wide, narrow, whole = (wp.types.vector(8, dtype) for dtype in (tier.wide, tier.real, wp.int32))
@@ -335,7 +334,7 @@ def packet_struct(tier: Tier):
     return make_struct("Packet", fields)
 
 
-@cache
+@once
 def make_load_packet(tier: Tier):
     """Fills a packet with rays first .. first + count - 1 that have hit nothing yet."""
     Packet, Rays = packet_struct(tier), rays_struct()
@@ -346,7 +345,7 @@ def make_load_packet(tier: Tier):
     return load_packet
 
 
-@cache
+@once
 def make_enter_packet(tier: Tier):
     """Takes a packet to a mesh: the lanes, as bits of an int, of the rays that meet its bounds within their limits."""
     Packet, Grid, vec, mat = packet_struct(tier), grid_struct(tier.real), vec3(tier.wide), mat33(tier.wide)
@@ -365,7 +364,7 @@ def make_enter_packet(tier: Tier):
     return enter_packet
 
 
-@cache
+@once
 def make_take_lane(tier: Tier):
     """One ray of a packet, as the walk through a mesh wants it."""
     Packet, FaceRay, Walk = packet_struct(tier), face_ray_struct(tier), walk_struct(tier.real)
@@ -376,7 +375,7 @@ def make_take_lane(tier: Tier):
     return take_lane
 
 
-@cache
+@once
 def make_store_packet(tier: Tier):
     """Stores t, ids and whether anything was hit of rays first .. first + count - 1, those that are asked for."""
     Packet, Arrays = packet_struct(tier), hit_arrays_struct(tier.result)
@@ -387,7 +386,7 @@ def make_store_packet(tier: Tier):
     return store_packet
 
 
-@cache
+@once
 def make_trace_packet(spec: Spec, search: Search):
     """Closest (or any) hits of rays first .. first + count - 1, in a scene of which `spec.in_packets` is true.
 

@@ -1,10 +1,9 @@
 """Kernels for what a picture shows besides light: the colour of surfaces, and what it took to find them."""
 
-from functools import cache
-
 import warp as wp
 
 from .cast import make_load_ray
+from .making import once
 from .spec import Look, Search, Spec
 from .structs import look_struct, rays_struct, scene_struct
 from .surface import make_surface
@@ -14,7 +13,7 @@ from .trace import make_trace
 Rays = rays_struct()
 
 
-@cache
+@once
 def make_albedo(look: Look):
     """The diffuse colour at the closest hit of each ray, 0 on a miss. Only where it varies is the surface looked at."""
     spec = look.spec
@@ -38,7 +37,7 @@ def make_albedo(look: Look):
     return albedo
 
 
-@cache
+@once
 def make_effort(spec: Spec):
     """Cells that the search for the closest hit of each ray looks at, and primitives that it tests."""
     Scene, load_ray = scene_struct(spec), make_load_ray(spec.tier.wide)

@@ -1,9 +1,8 @@
 """The surface point at which a ray arrives, as shading sees it."""
 
-from functools import cache
-
 import warp as wp
 
+from .making import once
 from .smooth import make_shading_normal
 from .spec import Look
 from .structs import hit_struct, look_struct, path_struct, point_struct, scene_struct
@@ -11,7 +10,7 @@ from .surface import make_surface
 from .tint import make_tint
 
 
-@cache
+@once
 def make_point(look: Look):
     """The point of a hit, on the side from which the ray comes: surfaces are two-sided."""
     Scene, Lights, Path, Point = scene_struct(look.spec), look_struct(look), path_struct(look), point_struct(look)
@@ -46,7 +45,7 @@ def make_point(look: Look):
     return point
 
 
-@cache
+@once
 def make_seen_normal(look: Look):
     """The normal that a point seems to have: the interpolated one of a smooth mesh."""
     Point, is_smooth = point_struct(look), look.smooth_normals

@@ -1,17 +1,16 @@
 """The kernel that makes pictures."""
 
-from functools import cache
-
 import warp as wp
 
 from .camera import PRIMARY_RAY, sample_position
 from .film import spread_after
+from .making import once
 from .shade import make_radiance
 from .spec import Look, Projection
 from .structs import camera_struct, film_struct, look_struct, path_struct, scene_struct, vec3
 
 
-@cache
+@once
 def make_sample(look: Look, projection: Projection, is_measured: bool):
     """Colour of one sample of a pixel; of one projection, no other is there."""
     Scene, Lights, Camera = scene_struct(look.spec), look_struct(look), camera_struct(projection)
@@ -44,7 +43,7 @@ def make_sample(look: Look, projection: Projection, is_measured: bool):
     return sample
 
 
-@cache
+@once
 def make_render(look: Look, projection: Projection = Projection.PINHOLE, is_measured: bool = False):
     """Adds samples to pixels, row by row from the top, until each has `samples` of them.
 

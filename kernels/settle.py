@@ -1,16 +1,15 @@
 """All hits of one ray put in order, each crossing of a surface once."""
 
-from functools import cache
-
 import warp as wp
 
 from .blocks import make_corner, slot_row
+from .making import once
 from .spec import Spec
 from .structs import crossed_struct, hit_struct, scene_struct
 from .trace import make_primitive_id
 
 
-@cache
+@once
 def make_same_place(spec: Spec):
     """Whether two hits of a mesh lie at the same edge or vertex, which their faces share."""
     result = spec.tier.result
@@ -46,7 +45,7 @@ def make_same_place(spec: Spec):
     return same_place
 
 
-@cache
+@once
 def make_settle(spec: Spec):
     """Sorts hits by t, instance and primitive, and keeps each crossing of a surface once, `most` of them; how many."""
     wide = spec.tier.wide

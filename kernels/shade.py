@@ -1,12 +1,11 @@
 """Light that reaches a camera along a ray: what surfaces scatter, mirrors, glass, sky."""
 
-from functools import cache
-
 import warp as wp
 
 from .bounce import make_bounce
 from .glass import transmitted
 from .light import make_direct
+from .making import once
 from .point import make_point
 from .sky import make_sky
 from .spec import Look, Search
@@ -14,7 +13,7 @@ from .structs import look_struct, path_struct, point_struct, scene_struct
 from .trace import make_trace
 
 
-@cache
+@once
 def make_scattered(look: Look):
     """What leaves a point back along a path, but for what goes on: light of lamps, highlights, its own light."""
     Scene, Lights, Path, Point = scene_struct(look.spec), look_struct(look), path_struct(look), point_struct(look)
@@ -44,7 +43,7 @@ def make_scattered(look: Look):
     return scattered
 
 
-@cache
+@once
 def make_absorbed(look: Look):
     """The path after a distance through what it is in, and what that is: glass says so, as cameras may be inside."""
     Lights, Path, Point = look_struct(look), path_struct(look), point_struct(look)
@@ -61,7 +60,7 @@ def make_absorbed(look: Look):
     return absorbed
 
 
-@cache
+@once
 def make_radiance(look: Look):
     """Colour seen along a ray; where it may go on, after up to `max_bounces` surfaces at which it does."""
     Scene, Lights, Path = scene_struct(look.spec), look_struct(look), path_struct(look)

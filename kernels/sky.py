@@ -1,15 +1,14 @@
 """What a ray sees that meets nothing."""
 
-from functools import cache
-
 import warp as wp
 
+from .making import once
 from .spec import Look
 from .structs import look_struct, vec3
 from .texture import bilinear
 
 
-@cache
+@once
 def make_sky(look: Look):
     """Light from a direction, which need not be unit: one colour, a gradient, or a picture of all directions."""
     Lights, wide, vec = look_struct(look), look.spec.tier.wide, vec3(look.spec.tier.wide)

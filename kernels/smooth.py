@@ -1,16 +1,15 @@
 """Normals interpolated over the faces of a mesh: what shading sees, and nothing else."""
 
-from functools import cache
-
 import warp as wp
 
+from .making import once
 from .spec import Look
 from .structs import hit_struct, look_struct, mat33, scene_struct, vec3
 from .trace import make_primitive_id
 from .transform import normal_to_world
 
 
-@cache
+@once
 def make_shading_normal(look: Look):
     """The interpolated unit normal at a hit with weights u, v, on the side of `n`; n itself where a mesh has none."""
     wide = look.spec.tier.wide
@@ -43,7 +42,7 @@ def make_shading_normal(look: Look):
     return shading_normal
 
 
-@cache
+@once
 def make_above(wide):
     """A direction off a surface that bends away from its faces, which may lead below them."""
     vec = vec3(wide)

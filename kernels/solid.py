@@ -1,12 +1,11 @@
 """Cylinder, cone and capsule as one: convex, about the z axis, of radius upper[0] and half height upper[2]."""
 
-from functools import cache
-
 import warp as wp
 
 from .capsule import onto_capsule, roots_capsule
 from .cone import onto_cone, roots_cone
 from .cylinder import onto_cylinder, roots_cylinder
+from .making import once
 from .spec import ShapeKind, Spec
 from .structs import vec3
 
@@ -26,7 +25,7 @@ def is_solid(kind: int):
     )
 
 
-@cache
+@once
 def make_roots_solid(spec: Spec):
     """Where a ray enters and leaves, as (is_hit, near, far, near_part, far_part, along_part); parts as in capped.py.
 
@@ -55,7 +54,7 @@ def make_roots_solid(spec: Spec):
     return roots_solid
 
 
-@cache
+@once
 def make_onto_solid(spec: Spec):
     """The point of a part nearest to p, and the outward unit normal there."""
     vec = vec3(spec.tier.wide)

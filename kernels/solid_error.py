@@ -1,11 +1,10 @@
 """How far the parameter of a hit on a cylinder, cone or capsule can be from the exact one; see error.py."""
 
-from functools import cache
-
 import warp as wp
 
 from .capped import LOWER, SIDE
 from .crossing import Crossing, quotient_bound, root_bound, sphere_error, wall_error
+from .making import once
 from .rounding import unit_roundoff
 from .spec import ShapeKind, Spec
 from .structs import WIDE
@@ -67,7 +66,7 @@ def cone_error(c: Crossing, r: WIDE, half: WIDE):
     return slanted_error(x, x_error, d, d_error)
 
 
-@cache
+@once
 def make_solid_error(spec: Spec):
     """Of the part that was met: a plane, a sphere, a circle about the axis, or the side of a cone."""
     has_cylinder = ShapeKind.CYLINDER in spec.shapes

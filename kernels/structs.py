@@ -1,10 +1,10 @@
 """Types of what lies on the device. A field exists only where the spec needs it."""
 
 from dataclasses import replace
-from functools import cache
 
 import warp as wp
 
+from .making import once
 from .spec import Look, Projection, Search, Spec, Tier
 
 WIDE = wp.float64
@@ -26,7 +26,7 @@ def mat33(real):
     return wp.types.matrix((3, 3), real)
 
 
-@cache
+@once
 def grid_struct(real):
     """Uniform grid over lo .. lo + count * cell. Its cells hold ranges in CSR form."""
     return make_struct(
@@ -41,7 +41,7 @@ def grid_struct(real):
     )
 
 
-@cache
+@once
 def trees_struct(real):
     """A grid whose cells list items, each cell's under a tree of boxes; see tree.py."""
     return make_struct(
@@ -56,7 +56,7 @@ def trees_struct(real):
     )
 
 
-@cache
+@once
 def mesh_struct(tier: Tier, has_grid: bool):
     """A triangle mesh in its canonical space: centred, longest half extent in [1/2, 1], by a power of two."""
     fields = {
@@ -70,7 +70,7 @@ def mesh_struct(tier: Tier, has_grid: bool):
     return make_struct("Mesh", fields)
 
 
-@cache
+@once
 def shape_struct(wide, has_mesh: bool):
     """A shape in its canonical space, with the bounds to which a ray is advanced."""
     fields = {
@@ -85,7 +85,7 @@ def shape_struct(wide, has_mesh: bool):
     return make_struct("Shape", fields)
 
 
-@cache
+@once
 def instances_struct(wide, has_grid: bool):
     """Placements x_world = A x_canonical + origin."""
     fields = {
@@ -108,7 +108,7 @@ def instances_struct(wide, has_grid: bool):
     return make_struct("Instances", fields)
 
 
-@cache
+@once
 def scene_struct(spec: Spec):
     """All geometry."""
     fields = {
@@ -120,7 +120,7 @@ def scene_struct(spec: Spec):
     return make_struct("Scene", fields)
 
 
-@cache
+@once
 def local_ray_struct(wide):
     """A ray in canonical space: the world parameter is scale * (start + t)."""
     return make_struct(
@@ -136,7 +136,7 @@ def local_ray_struct(wide):
     )
 
 
-@cache
+@once
 def world_ray_struct(wide):
     """A ray as the user gave it, with what the grid over instances needs."""
     return make_struct(
@@ -153,13 +153,13 @@ def world_ray_struct(wide):
     )
 
 
-@cache
+@once
 def sheared_struct(real):
     """What shears a ray onto its main axis: the origin along each axis, and the slopes."""
     return make_struct("Sheared", {"ox": real, "oy": real, "oz": real, "sx": real, "sy": real})
 
 
-@cache
+@once
 def face_ray_struct(tier: Tier):
     """A local ray sheared onto its main axis, with the limits a hit must keep."""
     real, wide = tier.real, tier.wide
@@ -186,7 +186,7 @@ def face_ray_struct(tier: Tier):
     return make_struct("FaceRay", fields)
 
 
-@cache
+@once
 def face_hit_struct(tier: Tier, search: Search):
     """Best hit within one mesh; in a search for all hits, those found so far."""
     fields = {"t": tier.real}  # local parameter beyond which nothing counts, or can be as near
@@ -199,26 +199,26 @@ def face_hit_struct(tier: Tier, search: Search):
     return make_struct("FaceHit", fields)
 
 
-@cache
+@once
 def hit_struct(wide):
     """Best hit over all instances. A miss has instance -1; on a mesh, the primitive is a slot of its blocks."""
     return make_struct("Hit", {"t": wide, "instance": wp.int32, "primitive": wp.int32})
 
 
-@cache
+@once
 def effort_struct():
     """What a search has looked at so far."""
     return make_struct("Effort", {"cells": wp.int32, "tests": wp.int32})
 
 
-@cache
+@once
 def counted_struct(wide):
     """A hit, and what it took to find it."""
     fields = {"t": wide, "instance": wp.int32, "primitive": wp.int32, "effort": effort_struct()}
     return make_struct("Counted", fields)
 
 
-@cache
+@once
 def crossed_struct(wide):
     """One of all hits of a ray."""
     return make_struct(
@@ -232,7 +232,7 @@ def crossed_struct(wide):
     )
 
 
-@cache
+@once
 def gathered_struct(wide):
     """All hits of a ray so far."""
     return make_struct(
@@ -254,7 +254,7 @@ def found_struct(wide, search: Search):
     return gathered_struct(wide) if search is Search.ALL else hit_struct(wide)
 
 
-@cache
+@once
 def trail_struct():
     """Where the cells that a ray pierces are written; while they are only counted, the arrays are empty."""
     return make_struct(
@@ -274,14 +274,14 @@ def trail_struct():
     )
 
 
-@cache
+@once
 def trail_end_struct(real):
     """Where a walk enters the grid and is to end, how many cells are written, which looked at come next, and more."""
     numbers = ("count", "next", "last", "found")  # found: of those looked at, the one with the hit, or -1
     return make_struct("TrailEnd", {"t_enter": real, "t": real, **dict.fromkeys(numbers, wp.int32)})
 
 
-@cache
+@once
 def surface_struct(wide):
     """What is known of a surface point, in world space."""
     return make_struct(
@@ -299,7 +299,7 @@ def surface_struct(wide):
     )
 
 
-@cache
+@once
 def rays_struct():
     """Rays as they came: float32 or float64, limits for each ray or one for all (step 0)."""
     return make_struct(
@@ -318,7 +318,7 @@ def rays_struct():
     )
 
 
-@cache
+@once
 def hit_arrays_struct(real):
     """Where hits are stored. A field nobody asked for is an empty array."""
     return make_struct(
@@ -336,7 +336,7 @@ def hit_arrays_struct(real):
     )
 
 
-@cache
+@once
 def camera_struct(projection: Projection):
     """A camera for pictures of one size. What a column and a row mean is said in camera.py."""
     plane = {
@@ -354,7 +354,7 @@ def camera_struct(projection: Projection):
     return make_struct("Camera", {**fields[projection], "width": wp.int32, "height": wp.int32})
 
 
-@cache
+@once
 def texture_struct():
     """A picture among the texels of all; see texture.py."""
     return make_struct(
@@ -370,7 +370,7 @@ def texture_struct():
     )
 
 
-@cache
+@once
 def attributes_struct(look: Look):
     """What a mesh has at its vertices."""
     fields = {"face": wp.array(dtype=wp.int32)}  # [3 faces]  vertices, as the user gave them
@@ -383,7 +383,7 @@ def attributes_struct(look: Look):
     return make_struct("Attributes", fields)
 
 
-@cache
+@once
 def point_struct(look: Look):
     """A surface point that is to be lit, in world space."""
     wide = look.spec.tier.wide
@@ -409,7 +409,7 @@ def point_struct(look: Look):
     return make_struct("Point", fields)
 
 
-@cache
+@once
 def path_struct(look: Look):
     """A ray on its way from a camera, and which one it is."""
     fields = {
@@ -428,7 +428,7 @@ def path_struct(look: Look):
     return make_struct("Path", fields)
 
 
-@cache
+@once
 def lit_struct(look: Look):
     """Direct light at a point, before the point's own colours."""
     fields = {"light": wp.vec3f}  # scattered evenly
@@ -437,7 +437,7 @@ def lit_struct(look: Look):
     return make_struct("Lit", fields)
 
 
-@cache
+@once
 def film_struct(is_measured: bool, goes_on: bool):
     """What pixels have received so far, from `first` on. Sums are in float64: samples may be a million."""
     fields = {"first": wp.int32, "total": wp.array(dtype=wp.vec3d)}  # sums over the samples of a pixel
@@ -455,7 +455,7 @@ def film_struct(is_measured: bool, goes_on: bool):
     return make_struct("Film", fields)
 
 
-@cache
+@once
 def look_struct(look: Look):
     """Materials, lights and sky: the same for all ways to follow light."""
     if look.paths:

@@ -1,7 +1,5 @@
 """What lies at a hit: point, normal, barycentric weights, and how far secondary rays must keep away."""
 
-from functools import cache
-
 import warp as wp
 
 from .blocks import make_corner, slot_row
@@ -9,6 +7,7 @@ from .box import normal_box, roots_box
 from .faces import make_face_ray, make_hit_slot
 from .generic import Mat33, Vec3, Wide
 from .instance import make_enter
+from .making import once
 from .memory import make_at
 from .rounding import larger, unit_roundoff
 from .solid import has_solid, is_solid, make_onto_solid, make_roots_solid
@@ -40,7 +39,7 @@ def offset_bound(w: Mat33, a: Mat33, b: Vec3, p_local: Vec3, n_local: Vec3, n_wo
     return u * wp.dot(wp.abs(n_world), at) + local / wp.length(wp.transpose(w) * n_local)
 
 
-@cache
+@once
 def make_edges(spec: Spec):
     """(p0, p1 - p0, p2 - p0) of the face in a slot, as they were tested."""
     result, vec = spec.tier.result, vec3(spec.tier.wide)
@@ -63,7 +62,7 @@ def make_edges(spec: Spec):
     return fine_edges if spec.tier.has_fine else edges
 
 
-@cache
+@once
 def make_surface(spec: Spec):
     """The surface point of a hit. The ray and t_min must be those of the hit: it is met again, bit for bit."""
     tier, wide, result = spec.tier, spec.tier.wide, spec.tier.result

@@ -1,16 +1,15 @@
 """What varies over a mesh and multiplies the colours of its material: vertex colours and a texture."""
 
-from functools import cache
-
 import warp as wp
 
+from .making import once
 from .spec import Look
 from .structs import hit_struct, look_struct, scene_struct
 from .texture import bilinear
 from .trace import make_primitive_id
 
 
-@cache
+@once
 def make_tint(look: Look):
     """The tint at a hit with barycentric weights u, v; white where there is none. What a look lacks leaves no code."""
     wide, result = look.spec.tier.wide, look.spec.tier.result

@@ -1,7 +1,5 @@
 """Closest hit, or any hit, of a world ray with all instances."""
 
-from functools import cache
-
 import warp as wp
 
 from .blocks import make_face_at
@@ -10,6 +8,7 @@ from .disk import root_disk
 from .faces import make_face_ray, make_gather, make_hit_faces, make_in_range, make_reported_from
 from .grid import wall
 from .instance import make_enter
+from .making import once
 from .memory import int_at
 from .plane import root_plane
 from .rounding import from_t_min, is_ray, larger, largest, real_above, rounding_of_sum, safe_reciprocal, up_to_t_max
@@ -28,7 +27,7 @@ from .structs import (
 from .tree_walk import make_next_instance, make_start_walk
 
 
-@cache
+@once
 def make_closer(spec: Spec, search: Search):
     """Keeps the better of a hit and a parameter: the smaller t, then the lower instance id; for all, both."""
     wide = spec.tier.wide
@@ -57,7 +56,7 @@ def make_closer(spec: Spec, search: Search):
     return closer
 
 
-@cache
+@once
 def make_hit_instance(spec: Spec, search: Search):
     """Best hit after one more instance. Absent shapes leave no code behind."""
     tier, wide = spec.tier, spec.tier.wide
@@ -144,7 +143,7 @@ def make_hit_instance(spec: Spec, search: Search):
     return hit_instance
 
 
-@cache
+@once
 def make_primitive_id(spec: Spec):
     """The user's number of what was hit: of a face on a mesh, 0 on other shapes, -1 for a miss."""
     Scene, Hit = scene_struct(spec), hit_struct(spec.tier.wide)
@@ -178,7 +177,7 @@ def was_recent(recent: wp.ref[Recent], i: int) -> bool:
     ...
 
 
-@cache
+@once
 def make_trace(spec: Spec, search: Search):
     """Closest (or any) hit of a ray. A miss, and what is not a ray, has instance -1."""
     wide, vec = spec.tier.wide, vec3(spec.tier.wide)
@@ -195,7 +194,7 @@ def make_trace(spec: Spec, search: Search):
     return trace
 
 
-@cache
+@once
 def make_search(spec: Spec, search: Search):
     """What a search has found after all instances, of what it had found before."""
     wide, vec = spec.tier.wide, vec3(spec.tier.wide)

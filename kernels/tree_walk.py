@@ -5,13 +5,12 @@ held in registers; Warp's code decides what it returns. On a CPU eight boxes or 
 loop.
 """
 
-from functools import cache
-
 import warp as wp
 
 from .blocks import candidates_code, native_code
 from .generic import Struct
 from .grid import cell_of, step_of, wall_t
+from .making import once
 from .spec import Search, Tier
 from .structs import (
     effort_struct,
@@ -153,7 +152,7 @@ NEXT = """
 """
 
 
-@cache
+@once
 def walk_struct(real):
     """Where a walk is: the cell, the parameters of the walls ahead, what is left of the cell and of a block."""
     return make_struct(
@@ -225,7 +224,7 @@ def _slot_code(tier: Tier, looked: str = "", tested: str = "", place: str = NEAR
     return _code(tier.real, "meshes.data[m].trees", parts)
 
 
-@cache
+@once
 def make_start_walk(real):
     """A walk through a grid that begins where the ray does."""
     Grid, Walk = grid_struct(real), walk_struct(real)
@@ -249,7 +248,7 @@ def make_start_walk(real):
     return start_walk
 
 
-@cache
+@once
 def make_next_instance(wide):
     """The next instance whose box the ray meets with t <= t_max, or -1: once for each cell that lists it."""
     Walk, Instances, Ray = walk_struct(wide), instances_struct(wide, True), world_ray_struct(wide)
@@ -261,7 +260,7 @@ def make_next_instance(wide):
     return next_instance
 
 
-@cache
+@once
 def make_next_slot(tier: Tier, search: Search):
     """The next triangle, by its slot, that the ray may hit with t <= t_max, or -1: roughly front to back."""
     real, place = tier.real, AS_THEY_COME if search is Search.ALL else NEAREST_FIRST
@@ -275,7 +274,7 @@ def make_next_slot(tier: Tier, search: Search):
     return next_slot
 
 
-@cache
+@once
 def make_recorded_slot(tier: Tier):
     """As `next_slot`, but that it writes down which cells it looks at, and how many triangles it tests in each."""
     real = tier.real
@@ -296,7 +295,7 @@ def make_recorded_slot(tier: Tier):
     return recorded_slot
 
 
-@cache
+@once
 def make_counted_slot(tier: Tier):
     """As `next_slot`, but that it counts the cells it looks at, and the triangles it tests."""
     real = tier.real

@@ -1,7 +1,5 @@
 """Kernel that writes down the cells of mesh grids that one ray pierces."""
 
-from functools import cache
-
 import warp as wp
 
 from .blocks import make_face_at
@@ -9,13 +7,14 @@ from .box import enter_box
 from .faces import make_face_ray
 from .grid import make_walk
 from .instance import make_enter
+from .making import once
 from .rounding import larger, real_above
 from .spec import ShapeKind, Spec
 from .structs import WIDE, face_ray_struct, grid_struct, scene_struct, trail_end_struct, trail_struct, vec3
 from .tree_walk import make_recorded_slot, make_start_walk
 
 
-@cache
+@once
 def make_walk_cells(spec: Spec):
     """For each instance on its own: the cells from where the ray enters its bounds up to t_max."""
     tier, real, wide = spec.tier, spec.tier.real, spec.tier.wide

@@ -1,12 +1,16 @@
-"""Bands on a pool of threads change nothing but the time."""
+"""Threads: bands on our own pool, and threads of the caller that share public objects."""
 
+import threading
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
+import warp as wp
+from scripts import run_script
 from test_grid import rays, soup
 
 import warprt as rt
+from warprt.kernels.making import once
 from warprt.launch import BAND, default_threads
 
 
@@ -47,3 +51,134 @@ def test_two_runs_give_the_same_bits(scene, accuracy, rng):
     first, second = (rt.Tracer(scene, accuracy, "cpu").cast(o, d) for _ in range(2))
     for name in ("t", "position", "normal", "uv"):
         np.testing.assert_array_equal(getattr(first, name), getattr(second, name))
+
+
+FIRST_MEETING = """
+    import sys, threading, traceback
+    import numpy as np, trimesh
+    import warprt as rt, warprt.trimesh
+
+    ball = trimesh.creation.icosphere(subdivisions=1)
+    mesh = rt.Mesh.from_trimesh(ball)
+    shapes = [mesh, rt.Sphere(), rt.Box((-1, -1, -1), (1, 1, 1)), rt.Cylinder(1, 2)]
+    rng = np.random.default_rng(0)
+    o = np.column_stack([rng.uniform(-0.5, 0.5, (5000, 2)), np.full(5000, 5.0)])
+    d = np.tile((0, 0, -1.0), (len(o), 1))
+    queries = [
+        lambda shape: rt.Tracer(rt.Scene([shape])).cast(o, d).t,
+        lambda shape: rt.Tracer(rt.Scene([shape])).occluded(o, d),
+        lambda shape: rt.Tracer(rt.Scene([shape])).count(o, d),
+        lambda shape: rt.Tracer(rt.Scene([shape])).render(rt.Camera((0, 0, 5)), size=(16, 16))["color"],
+        lambda shape: warprt.trimesh.RayMeshIntersector(ball).contains_points(o[:100] * (1, 1, 0)),
+    ]
+    jobs = [(query, shape) for query in queries[:4] for shape in shapes] + [(queries[4], None)] * 3
+    errors, results = [], {}
+    gate = threading.Barrier(len(jobs))
+
+    def work(k):
+        query, shape = jobs[k]
+        try:
+            gate.wait()
+            results[k] = query(shape)
+        except BaseException:
+            errors.append(traceback.format_exc(limit=4))
+
+    threads = [threading.Thread(target=work, args=(k,)) for k in range(len(jobs))]
+    [thread.start() for thread in threads]
+    [thread.join() for thread in threads]
+    wrong = [k for k, (query, shape) in enumerate(jobs) if not np.array_equal(results.get(k), query(shape))]
+    print(*errors[:3], sep="\\n")
+    sys.exit(bool(errors or wrong))
+"""
+"""Threads that meet Warp, and kernels of every kind, for the first time and all at once."""
+
+
+@pytest.mark.parametrize("round", range(2))
+def test_threads_may_meet_kernels_for_the_first_time(round, tmp_path):
+    run_script(FIRST_MEETING, cache=tmp_path)  # an empty kernel cache
+    run_script(FIRST_MEETING, cache=tmp_path)  # a full one
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("round", range(20))
+def test_threads_may_meet_kernels_for_the_first_time_again_and_again(round, tmp_path):
+    run_script(FIRST_MEETING, cache=tmp_path)
+    run_script(FIRST_MEETING, cache=tmp_path)
+
+
+def test_once_gives_all_threads_the_same():
+    calls, gate = [], threading.Barrier(8)
+
+    @once
+    def make(key, size=1):
+        calls.append(key)
+        return object()
+
+    def ask(_):
+        gate.wait()
+        return make("a"), make("b", size=2)
+
+    with ThreadPoolExecutor(8) as executor:
+        answers = set(executor.map(ask, range(8)))
+    assert len(answers) == 1
+    assert sorted(calls) == ["a", "b"]
+    assert make("b", size=2) is not make("b", size=3)
+
+
+def test_queries_see_one_state_while_things_move(rng, accuracy):
+    """Instances go up and down together, and so does what a mesh is: every query must see all of them at one height."""
+    vertices, faces = soup(rng, 40)
+    mesh = rt.Mesh(vertices, faces)
+    matrices = np.tile(np.eye(4), (60, 1, 1))
+    matrices[:, 0, 3] = 10 * np.arange(60)
+    tracer = rt.Tracer(rt.Scene([rt.Instances(mesh, matrices), rt.Box((-1, -99, -1), (600, -98, 1))]), accuracy, "cpu")
+    o = np.repeat(matrices[:, :3, 3], 40, axis=0) + rng.uniform(-1, 1, (2400, 3)) + (0, 0, 90)
+    d = (0, 0, -1.0)
+    lifts = [matrices + lift * np.eye(4)[:, 3] * np.eye(4)[2][:, None] for lift in (0.0, 8.0)]
+    shrunk = [vertices, wp.array(vertices / 2, dtype=wp.vec3d, device="cpu")]
+    states = []
+    for shape in shrunk:
+        mesh.update(shape)
+        for lifted in lifts:
+            tracer.set_transforms(0, lifted)
+            states.append(tracer.cast(o, d, outputs=("t", "primitive_id")))
+    distinct = {state.t.tobytes() for state in states}
+    assert len(distinct) == 4
+    is_over, seen = threading.Event(), []
+
+    def move():
+        for k in range(60):
+            mesh.update(shrunk[k // 3 % 2])
+            tracer.set_transforms(0, lifts[k % 2])
+        is_over.set()
+
+    def look(number):
+        while not is_over.is_set():
+            if number % 2:
+                seen.append(tracer.cast(o, d, outputs=("t", "primitive_id")).t.tobytes())
+            else:
+                hits = tracer.cast_all(o, d, outputs=("t",))
+                first = np.full(len(o), np.inf, hits.t.dtype)
+                first[np.diff(hits.offsets) > 0] = hits.t[hits.offsets[:-1][np.diff(hits.offsets) > 0]]
+                seen.append(first.tobytes())
+
+    with ThreadPoolExecutor(5) as executor:
+        jobs = [executor.submit(look, number) for number in range(4)] + [executor.submit(move)]
+        for job in jobs:
+            job.result()
+    assert len(seen) > 4
+    assert set(seen) <= distinct
+
+
+def test_moves_in_a_preview_wait_for_the_next_picture(device):
+    """A picture shows one state, also when its own preview moves things."""
+    tracer = rt.Tracer(rt.Scene([rt.Sphere()] * 3, [rt.AmbientLight()]), device=device)
+    camera = rt.Camera((0, 0, 5))
+    before = tracer.render(camera, (16, 16), samples=4)["color"]
+    away = rt.Transform().translate(50, 0, 0).world_from_local
+
+    def preview(image, samples):
+        tracer.set_transforms(0, [away] * 3)
+
+    np.testing.assert_array_equal(tracer.render(camera, (16, 16), samples=4, preview=preview)["color"], before)
+    assert not np.array_equal(tracer.render(camera, (16, 16), samples=4)["color"], before)

@@ -248,7 +248,7 @@ def test_copies_answer_alike_and_leave_the_device_behind(method, ball, device, r
     o, d = through(ball, rng)
     expected = rays.intersects_first(o, d)
     other = method(rays)
-    assert len(other._cache) == 0
+    assert other._made is None
     assert repr(other) == repr(rays) == "RayMeshIntersector(1280 faces, double)"
     np.testing.assert_array_equal(other.intersects_first(o, d), expected)
 

@@ -12,8 +12,8 @@ import warp as wp
 from warprt.kernels.cast_all import make_gather_all, make_store_all, tasks_struct
 from warprt.kernels.structs import crossed_struct
 
-from .assemble import DeviceScene
-from .hits import BRIEF, FIELDS, field_names, field_types, hit_arrays
+from .assemble import SceneState
+from .hits import BRIEF, FIELDS, copied, field_names, field_types, hit_arrays, on_host
 from .launch import launch
 from .rays import RayPart, Rays
 from .typing import Array
@@ -39,7 +39,7 @@ class AllHits:
 
     They are sorted by t before it is rounded to its type, then by instance and primitive. Rays of several leading axes
     count in C order. Arrays are NumPy arrays, or Warp arrays where the rays were; their types are those of `Hits`. A
-    field that `outputs` did not name raises AttributeError.
+    field that `outputs` did not name raises AttributeError. Pickles hold NumPy arrays.
     """
 
     offsets: Array
@@ -66,6 +66,16 @@ class AllHits:
         self.__dict__.update(fields)
         self._names = tuple(fields)
 
+    def __getstate__(self):
+        arrays = ("offsets", *self._names)
+        return {**self.__dict__, **{name: on_host(self.__dict__[name]) for name in arrays}}
+
+    def __deepcopy__(self, memo):
+        return AllHits(self.shape, copied(self.offsets), {name: copied(self.__dict__[name]) for name in self._names})
+
+    def __copy__(self):
+        return AllHits(self.shape, self.offsets, {name: self.__dict__[name] for name in self._names})
+
     def __getattr__(self, name: str):
         if name in ALL_FIELDS:
             raise AttributeError(f"{name} was not computed: name it in outputs=, which were {', '.join(self._names)}")
@@ -80,7 +90,7 @@ class AllHits:
     @property
     def ray_id(self) -> np.ndarray:
         """(m,) int64: the ray of each hit, counted in C order of the leading axes."""
-        offsets = self.offsets.numpy() if isinstance(self.offsets, wp.array) else self.offsets
+        offsets = on_host(self.offsets)
         return np.repeat(np.arange(len(offsets) - 1), np.diff(offsets))
 
 
@@ -88,7 +98,7 @@ class AllHits:
 class Wanted:
     """What is wanted of all hits, and how they are found."""
 
-    scene: DeviceScene
+    scene: SceneState
     names: tuple[str, ...]
     most: int
     """Hits of a ray that are kept."""

@@ -1,10 +1,14 @@
 """From a scene to what lies on a device: the only place where its float64 numbers become arrays there."""
 
-from dataclasses import dataclass
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 import warp as wp
 
+from warprt.kernels.making import lock
 from warprt.kernels.spec import Look, ShapeKind, Spec, Tier
 from warprt.kernels.structs import (
     attributes_struct,
@@ -18,16 +22,29 @@ from warprt.kernels.texture import Wrap
 
 from .lights import AmbientLight, DirectionalLight, PointLight, RectangleLight, SpotLight
 from .materials import Material
+from .memory import struct_array
 from .mesh import Mesh
 from .placements import Placements
 from .scene import Instance, Scene
 from .sky import GradientSky, ImageSky
 from .texels import pack_textures
+from .typing import ArrayLike
+
+
+class SceneState(NamedTuple):
+    """What a query needs of a scene; it stays as it is until the query is over."""
+
+    spec: Spec
+    struct: object
+    device: wp.Device
 
 
 @dataclass
 class DeviceScene:
-    """Geometry on a device, and the spec of the kernels that it needs."""
+    """Geometry on a device, and the spec of the kernels that it needs.
+
+    Threads may query it while one changes it: each query sees one state, that at its beginning.
+    """
 
     spec: Spec
     struct: object
@@ -39,27 +56,68 @@ class DeviceScene:
     """(shapes,) position of a shape in `meshes`, or -1."""
     versions: list[int]
     """Of the meshes among the shapes, as they are on the device."""
+    _users: list = field(default_factory=list, repr=False)
+    """One entry for each query at work. A list, since appending needs no lock."""
+    _is_changing: bool = False
+
+    @contextmanager
+    def in_use(self) -> Iterator[SceneState]:
+        """The scene as it now is, for a query: what changes meanwhile changes elsewhere in memory."""
+        self._users.append(None)
+        while self._is_changing:
+            self._users.pop()
+            with lock:  # held by the thread that changes it
+                self._users.append(None)
+        try:
+            yield SceneState(self.spec, self.struct, self.device)
+        finally:
+            self._users.pop()
+
+    @contextmanager
+    def _changing(self) -> Iterator[None]:
+        """For one thread at a time. Queries that begin meanwhile wait; for those at work, nothing changes."""
+        with lock:
+            self._is_changing = True
+            try:
+                if self._users:
+                    self.placements.leave_arrays()
+                yield
+            finally:
+                self._is_changing = False
 
     def refresh(self) -> None:
         """Brings over the meshes that have been updated."""
         meshes = [shape for shape in self.shapes if isinstance(shape, Mesh)]
-        versions = [mesh.version for mesh in meshes]
-        if versions == self.versions:
+        if [mesh.version for mesh in meshes] == self.versions:
             return
-        canonicals = [shape.canonical() for shape in self.shapes]
-        updated = {id(mesh) for mesh, old in zip(meshes, self.versions, strict=True) if mesh.version != old}
-        self.placements.reshape(canonicals, [k for k, shape in enumerate(self.shapes) if id(shape) in updated])
-        self.meshes = [mesh.device_copy(self.spec.tier, self.device, self.spec.mesh_grid) for mesh in meshes]
-        self.versions = versions
-        self._fill(canonicals)
+        with self._changing():
+            versions = [mesh.version for mesh in meshes]
+            canonicals = [shape.canonical() for shape in self.shapes]
+            updated = {id(mesh) for mesh, old in zip(meshes, self.versions, strict=True) if mesh.version != old}
+            self.placements.reshape(canonicals, [k for k, shape in enumerate(self.shapes) if id(shape) in updated])
+            self.meshes = [mesh.device_copy(self.spec.tier, self.device, self.spec.mesh_grid) for mesh in meshes]
+            self.versions = versions
+            self._fill(canonicals)
+
+    def move(self, first: int, world_from_local: ArrayLike) -> None:
+        """Gives new matrices to consecutive instances; see `Tracer.set_transforms`."""
+        with self._changing():
+            self.placements.move(first, world_from_local)
+            before = self.struct
+            self.struct = scene_struct(self.spec)()
+            self.struct.shape, self.struct.instances = before.shape, self.placements.struct()
+            if self.spec.has_mesh:
+                self.struct.mesh = before.mesh
 
     def _fill(self, canonicals: list) -> None:
         """What kernels take, from what it is made of."""
-        self.struct.shape = _shape_array(self.shapes, canonicals, self.mesh_number, self.spec, self.device)
+        struct = scene_struct(self.spec)()
+        struct.shape = _shape_array(self.shapes, canonicals, self.mesh_number, self.spec, self.device)
         if self.spec.has_mesh:
             dtype = mesh_struct(self.spec.tier, self.spec.mesh_grid)
-            self.struct.mesh = wp.array([mesh.struct() for mesh in self.meshes], dtype=dtype, device=self.device)
-        self.struct.instances = self.placements.struct()
+            struct.mesh = struct_array([mesh.struct() for mesh in self.meshes], dtype, self.device)
+        struct.instances = self.placements.struct()
+        self.struct = struct
 
     def grids(self) -> list:
         """The grid of each mesh, as kernels take it."""
@@ -77,7 +135,15 @@ class DeviceScene:
 
 
 def assemble(scene: Scene, tier: Tier, device: wp.Device, has_grid: bool) -> DeviceScene:
-    """Copies a scene's geometry to a device. Without `has_grid`, kernels will test every primitive."""
+    """Copies a scene's geometry to a device. Without `has_grid`, kernels will test every primitive.
+
+    Scenes of several threads are assembled one after the other.
+    """
+    with lock:
+        return _assembled(scene, tier, device, has_grid)
+
+
+def _assembled(scene: Scene, tier: Tier, device: wp.Device, has_grid: bool) -> DeviceScene:
     shapes = _distinct([item.shape for item in scene.objects])
     canonicals = [shape.canonical() for shape in shapes]
     meshes = [shape.device_copy(tier, device, has_grid) for shape in shapes if isinstance(shape, Mesh)]
@@ -91,7 +157,7 @@ def assemble(scene: Scene, tier: Tier, device: wp.Device, has_grid: bool) -> Dev
     is_mesh = np.array([shape.kind == ShapeKind.MESH for shape in shapes], dtype=bool)
     mesh_number = np.where(is_mesh, np.cumsum(is_mesh) - 1, -1)
     versions = [shape.version for shape in shapes if isinstance(shape, Mesh)]
-    scene = DeviceScene(spec, scene_struct(spec)(), placements, shapes, device, meshes, mesh_number, versions)
+    scene = DeviceScene(spec, None, placements, shapes, device, meshes, mesh_number, versions)
     scene._fill(canonicals)
     return scene
 
@@ -190,7 +256,7 @@ def assemble_look(scene: Scene, spec: Spec, device: wp.Device) -> tuple[Look, ob
         struct.sun_color = array([light.color for light in suns], wp.vec3f)
     if look.has_attributes:
         attributes = [_attributes(mesh, look, device) for mesh in meshes]
-        struct.attributes = wp.array(attributes, dtype=attributes_struct(look), device=device)
+        struct.attributes = struct_array(attributes, attributes_struct(look), device)
     if look.has_texels:
         _fill_pictures(struct, look, materials, sky, device)
     return look, struct

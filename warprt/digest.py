@@ -3,7 +3,6 @@
 import hashlib
 from dataclasses import fields, is_dataclass
 from enum import Enum
-from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -43,5 +42,4 @@ def _parts(value) -> list:
     if is_dataclass(value):
         return [part for field in fields(value) for part in (field.name, getattr(value, field.name))]
     state = value.__getstate__() if "__getstate__" in vars(type(value)) else vars(value)
-    is_cached = {name for name, kind in vars(type(value)).items() if isinstance(kind, cached_property)}
-    return [part for name, own in state.items() if name not in is_cached for part in (name, own)]
+    return [part for item in state.items() for part in item]

@@ -1,5 +1,6 @@
 """Results of casting rays."""
 
+import copy
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
@@ -45,7 +46,8 @@ class Hits:
     Of hits at equal t, before t is rounded to its type, the lower instance id and then the lower primitive id wins.
 
     Arrays are NumPy arrays, or Warp arrays where the rays were. Floats are float32 in `fast` and `robust`,
-    float64 in `mixed` and `double`. A field that `outputs` did not name raises AttributeError.
+    float64 in `mixed` and `double`. A field that `outputs` did not name raises AttributeError. A pickle
+    holds the fields as NumPy arrays, and neither the rays nor the tracer.
     """
 
     hit: Array
@@ -71,8 +73,24 @@ class Hits:
     def __init__(self, fields: dict[str, Array], rays: "Rays", tracer: "Tracer"):
         self.__dict__.update(fields)
         self._names = tuple(fields)
-        self._rays = rays
-        self._tracer = tracer
+        self._count = rays.count
+        self._rays: Rays | None = rays
+        self._tracer: Tracer | None = tracer
+
+    def __getstate__(self):
+        fields = {name: on_host(self.__dict__[name]) for name in self._names}
+        return {**self.__dict__, **fields, "_rays": None, "_tracer": None}
+
+    def __deepcopy__(self, memo):
+        fields = {name: copied(self.__dict__[name]) for name in self._names}
+        other = copy.copy(self)
+        other.__dict__.update(fields, _rays=self._rays, _tracer=copy.deepcopy(self._tracer, memo))
+        return other
+
+    def __copy__(self):
+        other = object.__new__(Hits)
+        other.__dict__.update(self.__dict__)
+        return other
 
     def __getattr__(self, name: str):
         if name in FIELDS:
@@ -80,7 +98,7 @@ class Hits:
         raise AttributeError(f"Hits has no field {name!r}")
 
     def __repr__(self) -> str:
-        return f"Hits({self._rays.count} rays; {', '.join(self._names)})"
+        return f"Hits({self._count} rays; {', '.join(self._names)})"
 
     def spawn(self, directions: ArrayLike | wp.array) -> tuple[Array, Array]:
         """(origins, directions) of rays that leave the hit points to the side each direction points to.
@@ -90,9 +108,21 @@ class Hits:
         are found again, so call it before anything in the scene moves, or the arrays of rays change that were
         Warp's, or too many for the tracer's `budget`.
 
-        Raises ValueError for directions of other shapes or types.
+        Raises ValueError for directions of other shapes or types, and for hits from a pickle.
         """
+        if self._tracer is None:
+            raise ValueError("Hits from a pickle have no tracer: call spawn before pickling, or cast again")
         return self._tracer._spawn(self._rays, directions)
+
+
+def on_host(values: Array) -> np.ndarray:
+    """The values as a NumPy array."""
+    return values.numpy() if isinstance(values, wp.array) else values
+
+
+def copied(values: Array) -> Array:
+    """A copy where the values are. (`copy.deepcopy` does not work on Warp arrays.)"""
+    return wp.clone(values) if isinstance(values, wp.array) else values.copy()
 
 
 def hit_arrays(real: type, fields: dict[str, wp.array]):

@@ -1,7 +1,8 @@
 """Launches over rays: on a GPU at once, on a CPU in bands on a pool of threads.
 
 Warp releases the interpreter lock while a CPU kernel runs. Each ray writes only its own results, so they are the
-same bits for any number of threads.
+same bits for any number of threads. Threads of the caller may launch at the same time; a forked child has a pool of its
+own.
 """
 
 import contextlib
@@ -11,10 +12,10 @@ import threading
 import zlib
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor, wait
-from functools import cache
 
 import warp as wp
 
+from warprt.kernels.making import lock, once
 from warprt.kernels.packet import PACKET
 
 from . import checks
@@ -49,25 +50,52 @@ def default_threads() -> int:
         return os.cpu_count() or 1
 
 
-@cache
+@once
 def pool(threads: int) -> ThreadPoolExecutor:
     """Worker threads, kept for all tracers that want as many."""
     return ThreadPoolExecutor(threads, thread_name_prefix="warprt")
 
 
+_forked_pools: list[dict] = []
+"""Pools of the parent, in a forked child: they have no threads here, and even to delete one would need its locks."""
+_is_forked = False
+
+
+def _after_fork() -> None:
+    global _is_forked
+    _is_forked = True
+    _forked_pools.append(dict(pool.made))
+    pool.made.clear()
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_after_fork)
+
+
+def require_usable(device: wp.Device) -> None:
+    """Raises RuntimeError for a CUDA device in a forked process, where CUDA does not work."""
+    if _is_forked and device.is_cuda:
+        raise RuntimeError(
+            f"{device.alias} cannot be used in a process that was forked after Warp had started CUDA: start it with "
+            "the method 'spawn' or 'forkserver', or use device='cpu' there"
+        )
+
+
 def load(kernel: wp.Kernel, device: wp.Device) -> None:
-    """Compiles a kernel, or loads it from the cache, if that has not been done yet."""
+    """Compiles a kernel, or loads it from the cache, if that has not been done yet; one thread at a time."""
+    if (kernel.module, device.alias) not in _loaded:
+        with lock:
+            _load_first(kernel, device)
+
+
+def _load_first(kernel: wp.Kernel, device: wp.Device) -> None:
     global _is_announced
     if on_compile is not None and not _is_announced and not _is_cached(kernel, device):
         _is_announced = True
         on_compile()
-    key = (kernel.module, device.alias)
-    if key in _loaded:
-        kernel.module.load(device, _block_dim(device))
-        return
     with contextlib.nullcontext() if _is_cached(kernel, device) else _compiler_lock(kernel, device):
         kernel.module.load(device, _block_dim(device))
-    _loaded.add(key)
+    _loaded.add((kernel.module, device.alias))
 
 
 @contextlib.contextmanager
@@ -128,7 +156,7 @@ def _run_bands(kernel: wp.Kernel, count: int, width: int, inputs: list, device: 
     """
     band = max(-(-BAND // width), -(-count // (BANDS_PER_THREAD * threads)))
     workers = min(threads, -(-count // band))
-    # Recorded here, on one thread: packing arguments and loading modules is not safe on several.
+    # Recorded here, on one thread: packing arguments is not safe on several.
     launches = [wp.launch(kernel, dim=count, inputs=inputs, device=device, record_cmd=True) for _ in range(workers)]
     if workers == 1:
         launches[0].launch()

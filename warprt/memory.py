@@ -5,6 +5,10 @@ import os
 import numpy as np
 import warp as wp
 
+from warprt.kernels.convert import make_convert
+
+from .launch import default_threads, launch
+
 LINE = 64
 """Bytes of a cache line, to which arrays are aligned on a CPU."""
 
@@ -18,6 +22,19 @@ def empty(size: int, dtype: type, device: wp.Device) -> wp.array:
     first = -room.ctypes.data % LINE
     data = room[first : first + size * scalar.itemsize].view(scalar)
     return wp.array(data, dtype=dtype, device=device, copy=False)
+
+
+def struct_array(structs: list, dtype, device: wp.Device) -> wp.array:
+    """An array of structs, which keeps alive the arrays that its structs point to."""
+    array = wp.array(structs, dtype=dtype, device=device)
+    array.structs = structs
+    return array
+
+
+def convert(source: wp.array, target: wp.array) -> None:
+    """Copies numbers or vectors to an array of as many of another type, on the same device."""
+    inputs = [source, target]
+    launch(make_convert(source.dtype, target.dtype), target.size, inputs, target.device, default_threads())
 
 
 def available_bytes(device: wp.Device) -> int:

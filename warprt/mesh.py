@@ -1,17 +1,18 @@
 """Triangle meshes: what the user gives, and its copy on a device."""
 
-from functools import cached_property
 from pathlib import Path
 
 import numpy as np
 import warp as wp
 
 from warprt.kernels.blocks import BLOCK_SIZE
+from warprt.kernels.making import lock
 from warprt.kernels.spec import ShapeKind, Tier
 from warprt.kernels.structs import mesh_struct
 
 from . import checks
 from .grid import Faces, Trees, auto_resolution, build_block_trees, build_blocks, sort_faces, vertex_bounds
+from .memory import convert
 from .shapes import Canonical, power_of_two_above
 from .typing import ArrayLike
 from .visuals import coated
@@ -35,8 +36,9 @@ class Mesh:
     multiplies what the material says. All three are interpolated over a face by barycentric weights. grid: "auto",
     cells (nx, ny, nz), or None for no grid.
 
-    Faces without area are never hit; vertices without a face are ignored. Raises ValueError for an empty mesh,
-    indices out of range, non-finite values and wrong shapes.
+    Faces without area are never hit; vertices without a face are ignored. Threads may share a mesh.
+
+    Raises ValueError for an empty mesh, indices out of range, non-finite values and wrong shapes.
     """
 
     kind = ShapeKind.MESH
@@ -58,6 +60,8 @@ class Mesh:
         self.grid = _grid_choice(grid)
         self.version = 0
         """How often `update` has been called."""
+        self._count = len(self._vertices)
+        self._bounds: tuple[np.ndarray, np.ndarray] | None = None
         self._device_vertices: wp.array | None = None
         self._device_copies: dict = {}
         self._device_attributes: dict = {}
@@ -66,26 +70,43 @@ class Mesh:
         return f"Mesh({len(self)} vertices, {len(self.faces)} faces, grid={self.grid!r})"
 
     def __getstate__(self):
-        on_device = {"_device_vertices": None, "_device_copies": {}, "_device_attributes": {}}
-        return {**self.__dict__, "_vertices": self.vertices, **on_device}
+        made_anew = {"_bounds": None, "_device_vertices": None, "_device_copies": {}, "_device_attributes": {}}
+        with lock:
+            return {**self.__dict__, "_vertices": self.vertices, **made_anew}
+
+    def __setstate__(self, state):
+        self.__dict__.update(checks.read_only(state))
 
     @property
     def vertices(self) -> np.ndarray:
         """(V, 3) float64, read-only."""
-        if self._vertices is None:
-            self._vertices = self._device_vertices.numpy()
-            self._vertices.setflags(write=False)
-        return self._vertices
+        vertices = self._vertices
+        return self._fetched_vertices() if vertices is None else vertices
 
-    @cached_property
+    def _fetched_vertices(self) -> np.ndarray:
+        """Those of an update from a device, brought to the host."""
+        with lock:
+            if self._vertices is None:
+                self._vertices = self._device_vertices.numpy()
+                self._vertices.setflags(write=False)
+            return self._vertices
+
+    @property
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
-        """(lower, upper) corners of the vertices that faces use, (3,) float64."""
+        """(lower, upper) corners of the vertices that faces use, (3,) float64, read-only."""
+        with lock:
+            if self._bounds is None:
+                self._bounds = self._found_bounds()
+            return self._bounds
+
+    def _found_bounds(self) -> tuple[np.ndarray, np.ndarray]:
         if self._vertices is None:
-            return vertex_bounds(self._device_vertices, self._device_faces(self._device_vertices.device))
-        is_used = np.zeros(len(self.vertices), dtype=bool)
-        is_used[self.faces] = True
-        columns = np.ascontiguousarray(self.vertices[is_used].T)
-        lower, upper = columns.min(axis=1), columns.max(axis=1)
+            lower, upper = vertex_bounds(self._device_vertices, self._device_faces(self._device_vertices.device))
+        else:
+            is_used = np.zeros(len(self._vertices), dtype=bool)
+            is_used[self.faces] = True
+            columns = np.ascontiguousarray(self._vertices[is_used].T)
+            lower, upper = columns.min(axis=1), columns.max(axis=1)
         for corner in (lower, upper):
             corner.setflags(write=False)
         return lower, upper
@@ -137,14 +158,15 @@ class Mesh:
                 raise ValueError("Mesh.update vertices are not finite where faces use them")
         else:
             on_device, host = None, _rows(vertices, 3, "Mesh.update vertices", len(self))
-        self._vertices, self._device_vertices, self.normals = host, on_device, None
-        self.__dict__.pop("bounds", None)
-        self._device_copies.clear()
-        self._device_attributes = {key: value for key, value in self._device_attributes.items() if key[0] != "normal"}
-        self.version += 1
+        with lock:
+            self._vertices, self._device_vertices, self.normals, self._bounds = host, on_device, None, None
+            self._device_copies = {}
+            kept = {key: value for key, value in self._device_attributes.items() if key[0] != "normal"}
+            self._device_attributes = kept
+            self.version += 1
 
     def __len__(self) -> int:
-        return len(self._vertices) if self._vertices is not None else self._device_vertices.size
+        return self._count
 
     def device_faces(self, device: wp.Device) -> Faces:
         """Vertices and faces on a device, with the canonical space to which they will be taken."""
@@ -322,7 +344,7 @@ def _device_rows(vertices: wp.array, count: int) -> wp.array:
             f"{vertices.shape}"
         )
     wide = wp.empty(count, dtype=wp.vec3d, device=vertices.device)
-    wp.utils.array_cast(vertices.contiguous(), wide)
+    convert(vertices, wide)
     return wide
 
 

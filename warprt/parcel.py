@@ -118,12 +118,10 @@ def parcel_of(recipe: Recipe, budget: int = 1 << 30) -> Parcel:
 
 def make_tracer(recipe: Recipe, device, budget: int) -> "Tracer":
     """Follows a recipe."""
-    from .tracer import Tracer
+    from .tracer import remade_tracer
 
-    tracer = Tracer(recipe.scene, recipe.accuracy, device, recipe.accelerator, place.threads(), budget)
-    for first, matrices in recipe.moved:
-        tracer.set_transforms(first, matrices)
-    return tracer
+    settings = {"accuracy": recipe.accuracy, "accelerator": recipe.accelerator, "threads": place.threads()}
+    return remade_tracer(recipe.scene, {**settings, "device": device, "budget": budget}, recipe.moved)
 
 
 @contextmanager

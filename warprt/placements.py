@@ -86,6 +86,10 @@ class Placements:
             raise
         self._relist(rows)
 
+    def leave_arrays(self) -> None:
+        """Goes on with copies of the arrays that queries at work read."""
+        self._arrays = {name: wp.clone(array) for name, array in self._arrays.items()}
+
     def reshape(self, canonicals: list, changed: list[int]) -> None:
         """Takes note that some shapes, by their numbers, have other centres, scales or bounds."""
         rows = np.flatnonzero(np.isin(self.shape, changed))

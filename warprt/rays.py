@@ -10,6 +10,7 @@ import warp as wp
 
 from warprt.kernels.structs import rays_struct
 
+from .memory import convert
 from .typing import Array, ArrayLike
 
 LARGEST, SMALLEST = 1e100, 1e-100
@@ -99,7 +100,7 @@ class Rays:
         if isinstance(values, wp.array):
             part = values[rows]
             wide = wp.empty(part.size, dtype=wp.float64, device=self.device)
-            wp.utils.array_cast(part, wide)
+            convert(part, wide)
             return wide, 1
         if values.ndim == 0:
             return _common_limit(float(values), self.device.alias), 0

@@ -47,6 +47,9 @@ class Texture:
         object.__setattr__(self, "pixels", pixels)
         object.__setattr__(self, "is_srgb", is_srgb)
 
+    def __setstate__(self, state):
+        self.__dict__.update(checks.read_only(state))
+
     @property
     def size(self) -> tuple[int, int]:
         """(width, height) in texels."""

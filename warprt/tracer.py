@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 import warp as wp
 
+from warprt.kernels import making
 from warprt.kernels.cast import make_cast, make_cast_packets, make_occluded, make_occluded_packets, make_spawn
 from warprt.kernels.pixels import make_albedo, make_effort
 from warprt.kernels.render import make_render
@@ -16,14 +17,15 @@ from warprt.kernels.spec import Projection, Tier
 
 from . import checks
 from .all_hits import MOST_HITS, AllHits, Wanted, all_field_names, all_hits, hit_counts, joined_hits
-from .assemble import assemble, assemble_look, require_no_gain
+from .assemble import SceneState, assemble, assemble_look, require_no_gain
 from .camera import Camera
 from .cameras import CAMERAS, AnyCamera
 from .farm import work
 from .film import FILM, Film, is_measured
 from .hits import BRIEF, Hits, by_parts, field_names, field_types, hit_arrays
 from .image import EFFORT, Image, output_names
-from .launch import default_threads, launch, launch_packets, load
+from .launch import default_threads, launch, launch_packets, load, require_usable
+from .memory import convert
 from .mesh import Mesh
 from .parcel import recipe_of
 from .progress import Bar
@@ -43,11 +45,12 @@ INTEGRATORS = {"whitted": 8, "path": 64}
 
 def as_device(device: str | wp.Device | None) -> wp.Device:
     """The device of that name, Warp's current one for None, or a ValueError that lists what there is."""
-    try:
-        return wp.get_device(device)
-    except (ValueError, RuntimeError, TypeError):
-        names = ", ".join(d.alias for d in wp.get_devices())
-        raise ValueError(f"device {device!r} is not available here; there is {names}") from None
+    with making.lock:  # the first call starts Warp
+        try:
+            return wp.get_device(device)
+        except (ValueError, RuntimeError, TypeError):
+            names = ", ".join(d.alias for d in wp.get_devices())
+            raise ValueError(f"device {device!r} is not available here; there is {names}") from None
 
 
 def choice(value: str, choices: Iterable[str], name: str) -> str:
@@ -73,7 +76,11 @@ class Tracer:
     primitive. threads: CPU threads, by default WARPRT_THREADS or all cores; results do not depend on them. budget:
     bytes on the device for rays from NumPy and their results; more rays go in parts.
 
-    Raises ValueError for an unknown accuracy, accelerator or device, MemoryError for grids that do not fit.
+    Threads may share a tracer: a query sees the scene as it was when the query began, whatever moves meanwhile. A
+    forked child may use it too, on a CPU. Copies and pickles hold the scene and the settings; they make the rest anew.
+
+    Raises ValueError for an unknown accuracy, accelerator or device, MemoryError for grids that do not fit, and
+    RuntimeError for a CUDA device in a forked process.
     """
 
     def __init__(
@@ -91,6 +98,7 @@ class Tracer:
         self.accuracy = choice(accuracy, TIERS, "accuracy")
         self.accelerator = choice(accelerator, ACCELERATORS, "accelerator")
         self.device = as_device(device)
+        require_usable(self.device)
         self.threads = default_threads() if threads is None else checks.integer(threads, "threads")
         tier = Tier(accuracy)
         self.budget = checks.integer(budget, "budget", 1, 2**62)
@@ -100,7 +108,12 @@ class Tracer:
         """Rays of a piece of work for an executor; docs/scaling.md gives those of None."""
         self._is_moved = np.zeros(scene.instance_count, bool)
         self._look: tuple | None = None
-        self._look_normals: list[bool] = []
+        """Which meshes have normals, compile-time choices, struct."""
+
+    def __reduce__(self):
+        settings = {"device": self.device.alias, "threads": self.threads, "budget": self.budget}
+        settings |= {"accuracy": self.accuracy, "accelerator": self.accelerator}
+        return remade_tracer, (self.scene, settings, self.moved(), self.tile_rays)
 
     def __repr__(self) -> str:
         return f"Tracer({self.scene.instance_count} instances, {self.accuracy}, {self.device.alias})"
@@ -154,10 +167,14 @@ class Tracer:
         kernel = make_cast_packets(spec) if in_packets else make_cast(spec, is_full)
         types = {name: field_types(self._real)[name] for name in names}
 
-        def run(part: RayPart, fields: dict[str, wp.array]) -> None:
-            (self._launch_packets if in_packets else self._launch)(kernel, part, [hit_arrays(self._real, fields)])
+        start = launch_packets if in_packets else launch
 
-        return Hits(by_parts(rays, types, run), rays, self)
+        def run(part: RayPart, fields: dict[str, wp.array]) -> None:
+            inputs = [scene.struct, part.struct, hit_arrays(self._real, fields)]
+            start(kernel, part.count, inputs, self.device, self.threads)
+
+        with self._device_scene.in_use() as scene:
+            return Hits(by_parts(rays, types, run), rays, self)
 
     def occluded(
         self,
@@ -174,10 +191,14 @@ class Tracer:
         spec = self._device_scene.spec
         kernel = make_occluded_packets(spec) if spec.in_packets else make_occluded(spec)
 
-        def run(part: RayPart, fields: dict[str, wp.array]) -> None:
-            (self._launch_packets if spec.in_packets else self._launch)(kernel, part, [fields["occluded"]])
+        start = launch_packets if spec.in_packets else launch
 
-        return by_parts(rays, {"occluded": wp.bool}, run)["occluded"]
+        def run(part: RayPart, fields: dict[str, wp.array]) -> None:
+            inputs = [scene.struct, part.struct, fields["occluded"]]
+            start(kernel, part.count, inputs, self.device, self.threads)
+
+        with self._device_scene.in_use() as scene:
+            return by_parts(rays, {"occluded": wp.bool}, run)["occluded"]
 
     def cast_all(
         self,
@@ -206,7 +227,8 @@ class Tracer:
             options = {"outputs": names, "max_hits": max_hits}
             self._hand_out("cast_all", rays, executor, options, lambda tile, found: pieces.update({tile.first: found}))
             return joined_hits(rays.shape, [pieces[first] for first in sorted(pieces)], names)
-        return all_hits(rays, self._wanted(names, most))
+        with self._device_scene.in_use() as scene:
+            return all_hits(rays, self._wanted(scene, names, most))
 
     def count(
         self,
@@ -220,7 +242,8 @@ class Tracer:
         rays = self._rays(origins, directions, t_min, t_max)
         if executor is not None and rays.count:
             return self._shared_out("count", rays, executor, {})["count"]
-        return hit_counts(rays, self._wanted((), MOST_HITS))
+        with self._device_scene.in_use() as scene:
+            return hit_counts(rays, self._wanted(scene, (), MOST_HITS))
 
     def _shared_out(self, query: str, rays: Rays, executor: Executor, options: dict) -> dict[str, np.ndarray]:
         """A query that has one answer for each ray, from an executor."""
@@ -250,17 +273,17 @@ class Tracer:
         instances; when there are more, it is built again. Raises ValueError, and changes nothing, if a matrix is
         singular, not finite or not affine.
         """
-        placements = self._device_scene.placements
-        placements.move(first_instance, world_from_local)
-        count = 1 if np.ndim(world_from_local) == 2 else len(world_from_local)
-        self._is_moved[first_instance : first_instance + count] = True
-        self._device_scene.struct.instances = placements.struct()
+        with making.lock:
+            self._device_scene.move(first_instance, world_from_local)
+            count = 1 if np.ndim(world_from_local) == 2 else len(world_from_local)
+            self._is_moved[first_instance : first_instance + count] = True
 
     def moved(self) -> tuple[tuple[int, np.ndarray], ...]:
         """(first instance, matrices) of each run of instances to which `set_transforms` has given new ones."""
-        rows = np.flatnonzero(self._is_moved)
-        runs = np.split(rows, np.flatnonzero(np.diff(rows) != 1) + 1) if len(rows) else []
-        return tuple((int(run[0]), self._device_scene.placements.world_from_local[run]) for run in runs)
+        with making.lock:
+            rows = np.flatnonzero(self._is_moved)
+            runs = np.split(rows, np.flatnonzero(np.diff(rows) != 1) + 1) if len(rows) else []
+            return tuple((int(run[0]), self._device_scene.placements.world_from_local[run]) for run in runs)
 
     def render(
         self,
@@ -330,8 +353,9 @@ class Tracer:
         if of_film:
             bounces = max_bounces if replace(self._looks()[0], paths=integrator == "path").goes_on else None
             film = Film(rows, width, of_film, noise, bounces, self.device, self.threads)
-            run = self._film_launcher(film, camera, (width, height), integrator)
-            with Bar("render", film.size * samples) if progress is True else nullcontext(progress or None) as report:
+            bar = Bar("render", film.size * samples) if progress is True else nullcontext(progress or None)
+            with bar as report, self._device_scene.in_use() as scene:
+                run = self._film_launcher(scene, film, camera, (width, height), integrator)
                 arrays |= film.developed(run, samples, report, preview)
         of_center = [name for name in names if name not in FILM]
         if of_center:
@@ -369,19 +393,23 @@ class Tracer:
     def _looks(self) -> tuple:
         """(compile-time choices, struct) of materials, lights and sky; ray queries do without."""
         # Normals of a mesh go when it is updated.
-        has_normals = [isinstance(shape, Mesh) and shape.normals is not None for shape in self._device_scene.shapes]
-        if self._look is None or self._look_normals != has_normals:
-            self._look = assemble_look(self.scene, self._device_scene.spec, self.device)
-            self._look_normals = has_normals
-        return self._look
+        look = self._look
+        if look is None or look[0] != self._has_normals():
+            with making.lock:
+                look = self._has_normals(), *assemble_look(self.scene, self._device_scene.spec, self.device)
+                self._look = look
+        return look[1:]
+
+    def _has_normals(self) -> list[bool]:
+        return [isinstance(shape, Mesh) and shape.normals is not None for shape in self._device_scene.shapes]
 
     def _render_kernel(self, projection: Projection, integrator: str, is_measured: bool = False) -> wp.Kernel:
         return make_render(replace(self._looks()[0], paths=integrator == "path"), projection, is_measured)
 
-    def _film_launcher(self, film: Film, camera: AnyCamera, size: tuple[int, int], integrator: str):
+    def _film_launcher(self, scene: SceneState, film: Film, camera: AnyCamera, size: tuple[int, int], integrator: str):
         """What runs the kernel over some pixels of a film."""
         kernel = self._render_kernel(camera.projection, integrator, film.is_measured)
-        before = [self._device_scene.struct, self._look[1], camera.struct(*size)]
+        before = [scene.struct, self._looks()[1], camera.struct(*size)]
 
         def run(samples: int, first: int, count: int) -> None:
             launch(kernel, count, [*before, film.struct, samples], self.device, self.threads, first)
@@ -403,15 +431,23 @@ class Tracer:
 
     def _albedo(self, rays: Rays) -> dict[str, Array]:
         look, struct = self._looks()
-        kernel = make_albedo(look)
-        return by_parts(
-            rays, {"albedo": wp.vec3f}, lambda part, fields: self._launch(kernel, part, [struct, fields["albedo"]])
+        return self._of_each_ray(
+            make_albedo(look), rays, {"albedo": wp.vec3f}, lambda fields: [struct, fields["albedo"]]
         )
 
     def _effort(self, rays: Rays) -> dict[str, Array]:
         kernel = make_effort(self._device_scene.spec)
         types = dict.fromkeys(EFFORT, wp.int32)
-        return by_parts(rays, types, lambda part, fields: self._launch(kernel, part, [*fields.values()]))
+        return self._of_each_ray(kernel, rays, types, lambda fields: [*fields.values()])
+
+    def _of_each_ray(self, kernel: wp.Kernel, rays: Rays, types: dict[str, type], arguments) -> dict[str, Array]:
+        """What a kernel stores for each ray, given the scene, the rays and arguments(fields)."""
+
+        def run(part: RayPart, fields: dict[str, wp.array]) -> None:
+            launch(kernel, part.count, [scene.struct, part.struct, *arguments(fields)], self.device, self.threads)
+
+        with self._device_scene.in_use() as scene:
+            return by_parts(rays, types, run)
 
     @staticmethod
     def _checked_size(size) -> tuple[int, int]:
@@ -435,19 +471,12 @@ class Tracer:
 
     def _rays(self, origins, directions, t_min, t_max) -> Rays:
         """The rays as they are given, for the scene as it now is."""
+        require_usable(self.device)
         self._device_scene.refresh()
         return as_rays(origins, directions, t_min, t_max, self.device, max(1, self.budget // BYTES))
 
-    def _wanted(self, names: tuple[str, ...], most: int) -> Wanted:
-        return Wanted(self._device_scene, names, most, self.threads, self.budget)
-
-    def _launch(self, kernel: wp.Kernel, part: RayPart, arguments: list) -> None:
-        inputs = [self._device_scene.struct, part.struct, *arguments]
-        launch(kernel, part.count, inputs, self.device, self.threads)
-
-    def _launch_packets(self, kernel: wp.Kernel, part: RayPart, arguments: list) -> None:
-        inputs = [self._device_scene.struct, part.struct, *arguments]
-        launch_packets(kernel, part.count, inputs, self.device, self.threads)
+    def _wanted(self, scene: SceneState, names: tuple[str, ...], most: int) -> Wanted:
+        return Wanted(scene, names, most, self.threads, self.budget)
 
     def _spawn(self, rays: Rays, directions) -> tuple[Array, Array]:
         away = as_directions(directions, rays)
@@ -456,10 +485,21 @@ class Tracer:
         def run(part: RayPart, fields: dict[str, wp.array]) -> None:
             rows = slice(part.first, part.first + part.count)
             if isinstance(away, wp.array):
-                wp.utils.array_cast(away[rows], fields["direction"])
+                convert(away[rows], fields["direction"])
             else:
                 fields["direction"].assign(np.ascontiguousarray(away[rows], dtype=np.float64))
-            self._launch(kernel, part, [fields["direction"], fields["origin"]])
+            inputs = [scene.struct, part.struct, fields["direction"], fields["origin"]]
+            launch(kernel, part.count, inputs, self.device, self.threads)
 
-        found = by_parts(rays, {"origin": wp.vec3d, "direction": wp.vec3d}, run)
+        with self._device_scene.in_use() as scene:
+            found = by_parts(rays, {"origin": wp.vec3d, "direction": wp.vec3d}, run)
         return found["origin"], found["direction"]
+
+
+def remade_tracer(scene: Scene, settings: dict, moved: tuple, tile_rays: int | None = None) -> Tracer:
+    """The tracer of a copy, a pickle or a recipe: Tracer(scene, **settings) after its moves."""
+    tracer = Tracer(scene, **settings)
+    for first, matrices in moved:
+        tracer.set_transforms(first, matrices)
+    tracer.tile_rays = tile_rays
+    return tracer

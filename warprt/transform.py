@@ -82,6 +82,9 @@ class Transform:
         object.__setattr__(self, "world_from_local", matrix)
         object.__setattr__(self, "local_from_world", inverse)
 
+    def __setstate__(self, state):
+        self.__dict__.update(checks.read_only(state))
+
     def __setattr__(self, name, value):
         raise AttributeError("a Transform does not change; its methods return a new one")
 

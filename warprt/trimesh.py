@@ -5,15 +5,16 @@
 - `with warprt.trimesh.install(accuracy="double"): ...`: for every mesh made within.
 """
 
+import copy
 import copyreg
 import importlib
 
 import numpy as np
 import trimesh
 import warp as wp
-from trimesh.caching import Cache, cache_decorator
 from trimesh.ray.ray_util import contains_points
 
+from warprt.kernels.making import lock
 from warprt.kernels.points import find_points
 
 from . import checks
@@ -31,8 +32,9 @@ class RayMeshIntersector:
     """Rays against a trimesh.Trimesh; methods, their arguments and their results are those of trimesh's own class.
 
     accuracy, device, threads: as for `warprt.Tracer`. scale_to_box, and what else the methods of either of trimesh's
-    classes may be given, is accepted, and not needed. The mesh is followed when it changes; copies and pickles leave
-    behind what lies on the device. Points are float64 in every accuracy.
+    classes may be given, is accepted, and not needed. The mesh is followed when it changes. Deep copies and pickles
+    take their mesh along, and leave behind what lies on the device. Threads may share an intersector. Points are
+    float64 in every accuracy.
 
     Results come hit by hit: all first hits by ray, then all second hits, and so on. A surface that a ray crosses at an
     edge or a vertex counts once.
@@ -53,28 +55,37 @@ class RayMeshIntersector:
             raise ValueError(f"RayMeshIntersector needs a trimesh.Trimesh; got {type(geometry).__name__}")
         self.mesh = geometry
         self._options = _checked(accuracy, device, threads)
-        self._cache = Cache(id_function=self.mesh.__hash__)
+        self._made: tuple[int, Tracer | None] | None = None
+        """The hash of the mesh, and the tracer made for it."""
 
     def __repr__(self) -> str:
         return f"RayMeshIntersector({len(self.mesh.faces)} faces, {self._options['accuracy']})"
 
     def __getstate__(self):
-        return {name: value for name, value in self.__dict__.items() if name != "_cache"}
+        return {**self.__dict__, "_made": None}
 
     def __setstate__(self, state):
         # One of trimesh's own, pickled elsewhere, has no options.
-        self.__dict__.update({"_options": _checked("robust", None, None)} | state)
-        self._cache = Cache(id_function=self.mesh.__hash__)
+        self.__dict__.update({"_options": _checked("robust", None, None)} | state | {"_made": None})
 
     def __copy__(self):
         return RayMeshIntersector(self.mesh, **self._options)
 
     def __deepcopy__(self, memo):
-        return self.__copy__()
+        return RayMeshIntersector(copy.deepcopy(self.mesh, memo), **self._options)
 
-    @cache_decorator
+    @property
     def _tracer(self) -> Tracer | None:
         """None for a mesh without faces, which no ray meets."""
+        key, made = hash(self.mesh), self._made
+        if made is None or made[0] != key:
+            with lock:
+                made = self._made
+                if made is None or made[0] != key:
+                    self._made = made = key, self._new_tracer()
+        return made[1]
+
+    def _new_tracer(self) -> Tracer | None:
         if len(self.mesh.faces) == 0:
             return None
         return Tracer(Scene([Mesh(self.mesh.vertices, self.mesh.faces)]), **self._options)

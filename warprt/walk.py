@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import warp as wp
 
+from warprt.kernels.making import lock
 from warprt.kernels.structs import trail_struct
 from warprt.kernels.walk import make_walk_cells
 
@@ -72,6 +73,11 @@ class CellWalk:
 
 def walk_cells(tracer: "Tracer", origin: np.ndarray, direction: np.ndarray) -> CellWalk:
     """The cells that the ray o + t d, t >= 0, pierces up to its closest hit."""
+    with lock:
+        return _walked(tracer, origin, direction)
+
+
+def _walked(tracer: "Tracer", origin: np.ndarray, direction: np.ndarray) -> CellWalk:
     scene, device = tracer._device_scene, tracer.device
     count = scene.placements.count
     ray_and_hit = {"origin": origin, "direction": direction, "hit": tracer.cast(origin, direction)}

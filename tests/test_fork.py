@@ -1,0 +1,85 @@
+"""Forked children: what their parent has used answers there too, and nothing hangs."""
+
+import os
+from types import SimpleNamespace
+
+import pytest
+from scripts import run_script
+
+import warprt as rt
+from warprt import launch
+
+pytestmark = pytest.mark.skipif(not hasattr(os, "fork"), reason="this system does not fork")
+
+IN_CHILDREN = """
+    import os, sys, signal, threading, time
+    import numpy as np, trimesh
+    import warprt as rt
+
+    mesh = rt.Mesh.from_trimesh(trimesh.creation.icosphere(subdivisions=2))
+    tracer = rt.Tracer(rt.Scene([mesh]), device="cpu", threads=2)
+    rng = np.random.default_rng(1)
+    o = rng.normal(size=(20000, 3)) * 3
+    t, count = tracer.cast(o, -o).t, tracer.count(o, -o)
+    picture = tracer.render(size=(80, 80))["color"]
+
+    def child():
+        signal.alarm(100)
+        assert np.array_equal(tracer.cast(o, -o).t, t) and np.array_equal(tracer.count(o, -o), count)
+        assert np.array_equal(tracer.render(size=(80, 80))["color"], picture)
+        mesh.update(mesh.vertices * 2)
+        assert tracer.cast((0, 0, 9), (0, 0, -1)).t == 7
+        assert rt.Tracer(rt.Scene([rt.Cone(1, 1), rt.Box()]), device="cpu").cast((0, 0, 9), (0, 0, -1)).hit
+
+    def forked():
+        pid = os.fork()
+        if pid == 0:
+            try:
+                child()
+                os._exit(0)
+            except BaseException as error:
+                print(repr(error), flush=True)
+                os._exit(1)
+        return os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1])
+
+    busy = sys.argv[1] == "busy"
+    is_over = threading.Event()
+    def work(k):
+        # Kernels of many kinds are made and used while the process forks.
+        for shape in [mesh, rt.Sphere(), rt.Capsule(1, 1), rt.Disk(1), rt.Cylinder(1, 1)][k:] * 9:
+            if is_over.is_set():
+                return
+            tracer.cast(o, -o)
+            rt.Tracer(rt.Scene([shape]), device="cpu").cast(o, -o)
+
+    threads = [threading.Thread(target=work, args=(k,)) for k in range(3 * busy)]
+    [thread.start() for thread in threads]
+    codes = [forked() for _ in range(int(sys.argv[2]))]
+    is_over.set()
+    [thread.join() for thread in threads]
+    assert np.array_equal(tracer.cast(o, -o).t, t)
+    sys.exit(any(codes))
+"""
+
+
+def test_a_forked_child_answers():
+    run_script(IN_CHILDREN, "quiet", 2)
+
+
+def test_children_answer_that_are_forked_while_threads_compile_and_cast(tmp_path):
+    run_script(IN_CHILDREN, "busy", 4, cache=tmp_path)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("round", range(20))
+def test_children_answer_again_and_again(round, tmp_path):
+    run_script(IN_CHILDREN, "busy", 6, cache=tmp_path)
+
+
+def test_cuda_in_a_forked_child_is_refused_in_one_line(monkeypatch):
+    gpu = SimpleNamespace(alias="cuda:0", is_cuda=True)
+    launch.require_usable(gpu)  # as in the parent
+    monkeypatch.setattr(launch, "_is_forked", True)
+    with pytest.raises(RuntimeError, match=r"cuda:0 cannot be used in a process that was forked.*'spawn'"):
+        launch.require_usable(gpu)
+    rt.Tracer(rt.Scene([rt.Sphere()]), device="cpu").cast((0, 0, 5), (0, 0, -1))
