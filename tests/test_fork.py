@@ -12,7 +12,8 @@ from warprt import launch
 pytestmark = pytest.mark.skipif(not hasattr(os, "fork"), reason="this system does not fork")
 
 IN_CHILDREN = """
-    import os, sys, signal, threading, time
+    import os, sys, signal, threading
+    from concurrent.futures import ThreadPoolExecutor
     import numpy as np, trimesh
     import warprt as rt
 
@@ -25,6 +26,8 @@ IN_CHILDREN = """
 
     def child():
         signal.alarm(100)
+        with ThreadPoolExecutor(2) as executor:
+            assert np.array_equal(tracer.cast(o, -o, executor=executor).t, t)
         assert np.array_equal(tracer.cast(o, -o).t, t) and np.array_equal(tracer.count(o, -o), count)
         assert np.array_equal(tracer.render(size=(80, 80))["color"], picture)
         mesh.update(mesh.vertices * 2)
@@ -49,7 +52,8 @@ IN_CHILDREN = """
         for shape in [mesh, rt.Sphere(), rt.Capsule(1, 1), rt.Disk(1), rt.Cylinder(1, 1)][k:] * 9:
             if is_over.is_set():
                 return
-            tracer.cast(o, -o)
+            with ThreadPoolExecutor(1) as executor:
+                tracer.cast(o, -o, executor=executor)
             rt.Tracer(rt.Scene([shape]), device="cpu").cast(o, -o)
 
     threads = [threading.Thread(target=work, args=(k,)) for k in range(3 * busy)]

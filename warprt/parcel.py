@@ -1,5 +1,6 @@
 """What a worker needs to make a tracer: scene and settings, known by their contents, unpacked once in each process."""
 
+import os
 import pickle
 import threading
 from collections import OrderedDict
@@ -26,6 +27,8 @@ MOST_TRACERS = 2
 
 lock = threading.RLock()
 """Held while a tracer is made or used: Warp takes launches from one thread at a time."""
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=lock._at_fork_reinit)
 _tracers: "OrderedDict[str, Tracer]" = OrderedDict()
 
 
