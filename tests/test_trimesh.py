@@ -323,6 +323,7 @@ def test_points_below_more_walls_than_a_ray_may_report(device):
 
 def test_signed_distance_below_more_walls_than_a_ray_may_report(device):
     pytest.importorskip("rtree")
+    pytest.importorskip("scipy")
     mesh = comb(range(120), width=50)
     mesh.ray = RayMeshIntersector(mesh, device=device)
     # Nearest to the rim of a plate, where the sign takes a count of walls.

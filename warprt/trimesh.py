@@ -152,8 +152,8 @@ class RayMeshIntersector:
         if cut.any():
             self._has_warned = True
             warnings.warn(
-                f"max_hits={most} cuts off {cut.sum():,} hits, on {np.count_nonzero(cut):,} of {len(origins):,} rays; name a larger "
-                "max_hits if all hits count",
+                f"max_hits={most} cuts off {cut.sum():,} hits, on {np.count_nonzero(cut):,} of {len(origins):,} rays; name "
+                "a larger max_hits if all hits count",
                 stacklevel=4,
             )
 
