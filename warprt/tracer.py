@@ -251,9 +251,7 @@ class Tracer:
         singular, not finite or not affine.
         """
         placements = self._device_scene.placements
-        placements.move(first_instance, world_from_local)
-        count = 1 if np.ndim(world_from_local) == 2 else len(world_from_local)
-        self._is_moved[first_instance : first_instance + count] = True
+        self._is_moved[placements.move(first_instance, world_from_local)] = True
         self._device_scene.struct.instances = placements.struct()
 
     def moved(self) -> tuple[tuple[int, np.ndarray], ...]:

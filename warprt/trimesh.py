@@ -131,6 +131,7 @@ class RayMeshIntersector:
 
     def contains_points(self, points: ArrayLike) -> np.ndarray:
         """(n,) bool: whether points (n, 3) lie within the mesh, by the parity of all hits; undefined on the surface."""
+        points = checks.wide(checks.real_numbers(points, "points"))
         if self._tracer is None:
             return np.zeros(len(points), dtype=bool)
         return contains_points(_Crossings(self.mesh, self._tracer), points)
@@ -152,8 +153,8 @@ class RayMeshIntersector:
         if cut.any():
             self._has_warned = True
             warnings.warn(
-                f"max_hits={most} cuts off {cut.sum():,} hits, on {np.count_nonzero(cut):,} of {len(origins):,} rays; name "
-                "a larger max_hits if all hits count",
+                f"max_hits={most} cuts off {cut.sum():,} hits, on {np.count_nonzero(cut):,} of {len(origins):,} rays; "
+                "name a larger max_hits if all hits count",
                 stacklevel=4,
             )
 
@@ -230,8 +231,8 @@ def _hit_by_hit(offsets: np.ndarray) -> tuple[Ids, np.ndarray]:
 
 def _rays(origins: ArrayLike, directions: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
     """(n, 3) float64 each."""
-    origins = np.asarray(origins, dtype=np.float64)
-    directions = np.asarray(directions, dtype=np.float64)
+    origins = checks.wide(checks.real_numbers(origins, "ray origins"))
+    directions = checks.wide(checks.real_numbers(directions, "ray directions"))
     if origins.shape != directions.shape:
         raise ValueError(f"ray origins and directions don't match: {origins.shape} and {directions.shape}")
     if origins.ndim != 2 or origins.shape[1] != 3:
