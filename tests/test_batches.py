@@ -289,8 +289,9 @@ def test_tensors_of_pytorch(rng):
     assert negated.is_neg()
     np.testing.assert_array_equal(tracer.cast(o, negated).t.numpy(), expected.t)
     assert tracer.cast(o[0], d[0]).t == expected.t[0]
-    ends = torch.tensor(9.0, requires_grad=True)
-    np.testing.assert_array_equal(tracer.cast(o, d, t_max=ends).t.numpy(), tracer.cast(o.numpy(), d.numpy(), t_max=9).t)
+    np.testing.assert_array_equal(tracer.cast(o, d, t_max=torch.imag(torch.tensor(-9j).conj())).t.numpy(), expected.t)
+    with pytest.raises(ValueError, match="t_max must not require gradients"):
+        tracer.cast(o, d, t_max=torch.tensor(9.0, requires_grad=True))
     with pytest.raises(ValueError, match="origins must not require gradients"):
         tracer.cast(o.requires_grad_(), d)
     with pytest.raises(ValueError, match=r"directions must be real numbers; got Tensor of torch\.complex64"):

@@ -45,7 +45,8 @@ def is_on_gpu(value) -> bool:
 def adopted(value, name: str):
     """An array of another library as a Warp array that shares its memory; one number as a float; the rest as it is."""
     if hasattr(value, "__dlpack__") and not isinstance(value, (np.ndarray, np.generic, wp.array)):
-        return float(value) if getattr(value, "shape", None) == () else shared(settled(value, name), name)
+        value = settled(value, name)
+        return float(value) if getattr(value, "shape", None) == () else shared(value, name)
     return settled(value, name)
 
 
