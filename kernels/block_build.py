@@ -5,7 +5,7 @@ import warp as wp
 from .blocks import make_set_face, slot_row
 from .making import once
 from .memory import int_at, vec3d_at
-from .rounding import OPTIONS, largest, largest_of, smallest_of, unit_roundoff
+from .rounding import OPTIONS, is_finite, largest, largest_of, smallest_of, unit_roundoff
 from .structs import WIDE
 
 PLACE_BITS = 30
@@ -142,6 +142,24 @@ def bound_faces(
     for axis in range(3):
         bounds[chunk, axis] = least[axis] + nothing[axis]
         bounds[chunk, 3 + axis] = most[axis] + nothing[axis]
+
+
+@wp.kernel(module="unique", enable_backward=False, module_options=OPTIONS)
+def find_not_finite(
+    vertices: wp.array(dtype=wp.vec3d),
+    found: wp.array(dtype=wp.int32),  # [chunks]
+    first: int,
+):
+    """Which vertex of a chunk is the first that is not finite, -1 where all are."""
+    chunk = first + wp.tid()
+    bad = int(-1)
+    k = chunk * CHUNK
+    end = wp.min(k + CHUNK, vertices.shape[0])
+    while k < end and bad < 0:
+        if not is_finite(vec3d_at(vertices, k)):
+            bad = k
+        k += 1
+    found[chunk] = bad
 
 
 @once

@@ -300,3 +300,62 @@ def test_users_of_rays_within_trimesh(rng):
         # From the middle of a face inwards the ball is about as thick as it is wide.
         thick = trimesh.proximity.longest_ray(ball, ball.triangles_center[:50], -ball.face_normals[:50])
         assert thick == pytest.approx(np.full(50, 2.0), abs=0.05)
+
+
+# ------------------------------------------------------------------------------------------- rays with many hits
+
+
+def comb(heights, thickness=0.5, width=1e3):
+    """A plate from each of some heights up, all so wide that rays which are not all but level cross every one above."""
+    plates = [trimesh.creation.box(bounds=[(-width, -width, z), (width, width, z + thickness)]) for z in heights]
+    return trimesh.util.concatenate(plates)
+
+
+def test_points_below_more_walls_than_a_ray_may_report(device):
+    mesh = comb(range(120))
+    z = np.arange(0.05, 119.6, 0.1)
+    points = np.column_stack([np.full(len(z), 0.3), np.full(len(z), 0.7), z])
+    inside = RayMeshIntersector(mesh, device=device).contains_points(points)
+    np.testing.assert_array_equal(inside, z % 1 < 0.5)
+    mesh.ray = RayMeshIntersector(mesh, device=device)
+    np.testing.assert_array_equal(mesh.contains(points), inside)
+
+
+def test_signed_distance_below_more_walls_than_a_ray_may_report(device):
+    pytest.importorskip("rtree")
+    pytest.importorskip("scipy")
+    mesh = comb(range(120), width=50)
+    mesh.ray = RayMeshIntersector(mesh, device=device)
+    # Nearest to the rim of a plate, where the sign takes a count of walls.
+    points = np.array([(50.1, 50.1, 20.6), (50.1, 50.1, 20.9), (49.9, 49.9, 20.25)])
+    distance = trimesh.proximity.signed_distance(mesh, points)
+    np.testing.assert_allclose(distance, [-np.sqrt(0.03), -np.sqrt(0.03), 0.1])
+
+
+def test_what_trimesh_derives_from_all_hits_has_all_of_them(device):
+    with warprt.trimesh.install(device=device):
+        mesh = comb(range(120), width=1)
+        # A layer of voxels for the lower and one for the upper side of each plate.
+        assert len(np.unique(trimesh.voxel.creation.voxelize_ray(mesh, 0.5).points[:, 2])) == 240
+        # So many walls that are next to the point that they do not count, and then one that does.
+        near = comb([*(1e-7 * np.arange(60)), 2.0], thickness=5e-8)
+        up = trimesh.proximity.longest_ray(near, [(0.3, 0.2, -1e-7)], [(0, 0, 1)])
+    assert up == pytest.approx(2, abs=1e-6)
+
+
+def test_hits_that_a_limit_cuts_off_are_counted_in_one_warning(device):
+    mesh = comb(range(120))
+    rays = RayMeshIntersector(mesh, device=device)
+    o, d = np.array([(0, 0, -1.0), (0.5, 0, 110.75), (0, 0.3, 200)]), np.array([(0, 0, 1.0), (0, 0, 1), (0, 0, -1)])
+    with pytest.warns(UserWarning, match="max_hits=100 cuts off 280 hits, on 2 of 3 rays") as found:
+        _points, ray, _face = rays.intersects_location(o, d)
+    assert found[0].filename == __file__
+    assert np.bincount(ray).tolist() == [100, 18, 100]
+    # Once, and never where nothing is cut: warnings are errors here.
+    assert len(rays.intersects_id(o, d)[0]) == 218
+    again = RayMeshIntersector(mesh, device=device)
+    assert len(again.intersects_id(o, d, max_hits=240)[0]) == 498
+    assert len(again.intersects_id(o, d, max_hits=1)[0]) == 3
+    with pytest.warns(UserWarning, match="max_hits=5 cuts off 235 hits, on 1 of 1 rays"):
+        again.intersects_id(o[:1], d[:1], max_hits=5)
+    assert not RayMeshIntersector(trimesh.Trimesh()).contains_points(o).any()

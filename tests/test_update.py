@@ -102,6 +102,8 @@ def test_updated_mesh_can_be_copied_and_pickled(device):
         (wp.zeros(641, dtype=wp.vec3, device="cpu"), "642"),
         (wp.zeros(642, dtype=wp.float32, device="cpu"), "float32"),
         (wp.full(642, wp.vec3(1.0, float("inf"), 0.0), dtype=wp.vec3, device="cpu"), "finite"),
+        (np.ma.masked_array(np.zeros((642, 3)), mask=True), "masked"),
+        (wp.zeros((642, 2), dtype=wp.float32, device="cpu"), "642"),
     ],
 )
 def test_bad_vertices_are_refused_and_change_nothing(vertices, words):
@@ -111,6 +113,32 @@ def test_bad_vertices_are_refused_and_change_nothing(vertices, words):
         mesh.update(vertices)
     assert mesh.vertices is before
     assert mesh.version == 0
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
+def test_all_kinds_of_vertices_are_checked_alike(value, device):
+    # The last vertex belongs to no face.
+    vertices = np.vstack([np.eye(3), np.zeros((2000, 3))])
+    vertices[1999, 1] = value
+    said = set()
+    for new in (
+        vertices,
+        wp.array(vertices, dtype=wp.vec3d, device=device),
+        wp.array(vertices, dtype=wp.vec3f, device=device),
+        wp.array(vertices, dtype=wp.float64, device=device),
+    ):
+        mesh = rt.Mesh(np.eye(2003, 3), [(0, 1, 2)])
+        with pytest.raises(ValueError, match=r"Mesh.update vertices\[1999\] is not finite; got \[0.0, ") as error:
+            mesh.update(new)
+        said.add(str(error.value))
+        assert mesh.version == 0
+    assert len(said) == 1
+
+
+def test_numbers_on_a_device_are_taken_as_vectors(device):
+    mesh = rt.Mesh(np.eye(3), [(0, 1, 2)])
+    mesh.update(wp.array(2 * np.eye(3), dtype=wp.float32, device=device))
+    np.testing.assert_array_equal(mesh.vertices, 2 * np.eye(3))
 
 
 # ------------------------------------------------------------------------------------------ instances that move

@@ -99,15 +99,16 @@ class DeviceScene:
             self.versions = versions
             self._fill(canonicals)
 
-    def move(self, first: int, world_from_local: ArrayLike) -> None:
-        """Gives new matrices to consecutive instances; see `Tracer.set_transforms`."""
+    def move(self, first: int, world_from_local: ArrayLike) -> slice:
+        """Gives new matrices to consecutive instances, and says which; see `Tracer.set_transforms`."""
         with self._changing():
-            self.placements.move(first, world_from_local)
+            rows = self.placements.move(first, world_from_local)
             before = self.struct
             self.struct = scene_struct(self.spec)()
             self.struct.shape, self.struct.instances = before.shape, self.placements.struct()
             if self.spec.has_mesh:
                 self.struct.mesh = before.mesh
+        return rows
 
     def _fill(self, canonicals: list) -> None:
         """What kernels take, from what it is made of."""

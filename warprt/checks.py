@@ -2,18 +2,33 @@
 
 import numpy as np
 
+from .foreign import described, hosted
 from .typing import ArrayLike
 
 
-def real_array(value: ArrayLike, name: str) -> np.ndarray:
-    """The value as an array of float64, or an error that names it."""
+def real_numbers(value: ArrayLike, name: str) -> np.ndarray:
+    """The value as an array of any real type, without a copy where it is one, or an error that names it."""
+    value = hosted(value, name)
     try:
-        array = np.array(value)
+        array = np.asarray(value)
         if array.dtype.kind not in "fiub":
             raise TypeError
-        return array.astype(np.float64)
-    except (TypeError, ValueError):
-        raise ValueError(f"{name} must be real numbers; got {value!r}") from None
+    except (TypeError, ValueError, RuntimeError):
+        raise ValueError(f"{name} must be real numbers in a regular array; got {described(value)}") from None
+    return array
+
+
+def real_array(value: ArrayLike, name: str) -> np.ndarray:
+    """The value as a new array of float64, or an error that names it."""
+    return wide(real_numbers(value, name), copy=True)
+
+
+def wide(values: np.ndarray, copy: bool = False) -> np.ndarray:
+    """Numbers as float64; of a longdouble, finite ones stay finite."""
+    if values.dtype.kind == "f" and values.dtype.itemsize > 8:
+        most = np.finfo(np.float64).max
+        values = np.where(np.isfinite(values), np.clip(values, -most, most), values)
+    return values.astype(np.float64, copy=copy)
 
 
 def finite_array(value: ArrayLike, shape: tuple[int, ...], name: str) -> np.ndarray:

@@ -143,6 +143,16 @@ def vertex_bounds(vertices: wp.array, indices: wp.array) -> tuple[np.ndarray, np
     return found[:, :3].min(axis=0), found[:, 3:].max(axis=0)
 
 
+def first_not_finite(vertices: wp.array) -> int:
+    """Number of the first vertex with a coordinate that is not finite, or -1."""
+    chunks = -(-vertices.size // block_build.CHUNK)
+    found = wp.empty(chunks, dtype=wp.int32, device=vertices.device)
+    launch(block_build.find_not_finite, chunks, [vertices, found], vertices.device, default_threads())
+    numbers = found.numpy()
+    numbers = numbers[numbers >= 0]
+    return int(numbers[0]) if len(numbers) else -1
+
+
 def sort_faces(faces: Faces) -> tuple[wp.array, wp.array]:
     """(places along a space-filling curve, faces in that order); of both, the first half counts."""
     device, count = faces.indices.device, faces.count

@@ -11,7 +11,17 @@ from warprt.kernels.spec import ShapeKind, Tier
 from warprt.kernels.structs import mesh_struct
 
 from . import checks
-from .grid import Faces, Trees, auto_resolution, build_block_trees, build_blocks, sort_faces, vertex_bounds
+from .foreign import adopted, hosted, is_on_gpu, vectors
+from .grid import (
+    Faces,
+    Trees,
+    auto_resolution,
+    build_block_trees,
+    build_blocks,
+    first_not_finite,
+    sort_faces,
+    vertex_bounds,
+)
 from .memory import convert
 from .shapes import Canonical, power_of_two_above
 from .typing import ArrayLike
@@ -144,18 +154,15 @@ class Mesh:
     def update(self, vertices: ArrayLike | wp.array) -> None:
         """Gives the mesh new vertices, as many as before; tracers that use it notice at their next call.
 
-        vertices: (V, 3) finite numbers, or a Warp array of V vec3 or vec3d. From a Warp array on a tracer's device,
-        blocks and grid are made anew without a way over the host. Faces, uvs and colors stay; normals, those of the
-        old shape, go.
+        vertices: (V, 3) finite numbers, or a Warp array of V vec3 or vec3d, or what lies on a GPU and has `__dlpack__`
+        (PyTorch, CuPy, JAX). From a tracer's device, blocks and grid are made anew without a way over the host. Faces,
+        uvs and colors stay; normals, those of the old shape, go.
 
-        Raises ValueError, and changes nothing, for another number of vertices, or where a face uses one that is not
-        finite.
+        Raises ValueError, and changes nothing, for another number of vertices, or where one is not finite, whether a
+        face uses it or not.
         """
-        if isinstance(vertices, wp.array):
-            on_device, host = _device_rows(vertices, len(self)), None
-            bounds = vertex_bounds(on_device, self._device_faces(on_device.device))
-            if not np.isfinite(bounds).all():
-                raise ValueError("Mesh.update vertices are not finite where faces use them")
+        if isinstance(vertices, wp.array) or is_on_gpu(vertices):
+            on_device, host = _device_rows(vectors(adopted(vertices, "Mesh.update vertices")), len(self)), None
         else:
             on_device, host = None, _rows(vertices, 3, "Mesh.update vertices", len(self))
         with lock:
@@ -345,11 +352,15 @@ def _device_rows(vertices: wp.array, count: int) -> wp.array:
         )
     wide = wp.empty(count, dtype=wp.vec3d, device=vertices.device)
     convert(vertices, wide)
+    i = first_not_finite(wide)
+    if i >= 0:
+        raise ValueError(f"Mesh.update vertices[{i}] is not finite; got {wide[i : i + 1].numpy()[0].tolist()}")
     return wide
 
 
 def _face_indices(faces: ArrayLike, vertex_count: int) -> np.ndarray:
     """A read-only (F, 3) int32 copy, F >= 1, within range."""
+    faces = hosted(faces, "Mesh faces")
     try:
         array = np.array(faces)
     except ValueError:

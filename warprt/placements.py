@@ -62,8 +62,8 @@ class Placements:
         self._place(slice(0, self.count))
         self._list()
 
-    def move(self, first: int, world_from_local: ArrayLike) -> None:
-        """Gives new matrices to consecutive instances; see `Tracer.set_transforms`."""
+    def move(self, first: int, world_from_local: ArrayLike) -> slice:
+        """Gives new matrices to consecutive instances, and says to which; see `Tracer.set_transforms`."""
         first = checks.integer(first, "first_instance", 0)
         matrices = affine(world_from_local, "world_from_local")
         matrices = matrices[None] if matrices.ndim == 2 else matrices
@@ -85,6 +85,7 @@ class Placements:
                 getattr(self, name)[rows] = values
             raise
         self._relist(rows)
+        return rows
 
     def leave_arrays(self) -> None:
         """Goes on with copies of the arrays that queries at work read."""

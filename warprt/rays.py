@@ -10,6 +10,8 @@ import warp as wp
 
 from warprt.kernels.structs import rays_struct
 
+from . import checks
+from .foreign import adopted, is_one_vector, vectors
 from .memory import convert
 from .typing import Array, ArrayLike
 
@@ -104,17 +106,20 @@ class Rays:
             return wide, 1
         if values.ndim == 0:
             return _common_limit(float(values), self.device.alias), 0
-        return wp.array(_wide(values[rows]), dtype=wp.float64, device=self.device), 1
+        return wp.array(checks.wide(values[rows]), dtype=wp.float64, device=self.device), 1
 
 
 def as_rays(origins, directions, t_min, t_max, device: wp.Device, most: int = 2**31 - 1) -> Rays:
     """Rays from NumPy-like values of any leading shape (they broadcast), or from arrays on the device.
 
     Those are Warp arrays of vec3 or vec3d, or what has `__dlpack__` (PyTorch, CuPy, JAX), of shape (..., 3); they are
-    used where they lie.
+    used where they lie. One ray of shape (3,) comes over to NumPy: its results have shape (), which Warp does not have.
     """
-    origins, directions = _as_vectors(_adopted(origins)), _as_vectors(_adopted(directions))
-    t_min, t_max = _adopted(t_min), _adopted(t_max)
+    origins, directions = adopted(origins, "origins"), adopted(directions, "directions")
+    if all(is_one_vector(value) or not isinstance(value, wp.array) for value in (origins, directions)):
+        origins, directions = (v.numpy() if isinstance(v, wp.array) else v for v in (origins, directions))
+    origins, directions = vectors(origins), vectors(directions)
+    t_min, t_max = adopted(t_min, "t_min"), adopted(t_max, "t_max")
     if isinstance(origins, wp.array) != isinstance(directions, wp.array):
         raise ValueError("origins and directions must both be arrays on a device, or neither")
     if isinstance(origins, wp.array):
@@ -139,37 +144,19 @@ def as_rays(origins, directions, t_min, t_max, device: wp.Device, most: int = 2*
 
 def as_directions(directions, rays: Rays) -> np.ndarray | wp.array:
     """(count, 3) directions, one for each of some rays, or a Warp array of as many vectors."""
-    directions = _as_vectors(_adopted(directions))
+    directions = adopted(directions, "directions")
+    directions = directions.numpy() if is_one_vector(directions) else vectors(directions)
     if isinstance(directions, wp.array):
         if directions.shape != rays.shape or directions.dtype not in (wp.vec3f, wp.vec3d):
             raise ValueError(f"directions must be vec3 or vec3d of shape {rays.shape}; got {_describe(directions)}")
         if directions.device != rays.device:
             raise ValueError(f"directions are on {directions.device.alias}, but the rays are on {rays.device.alias}")
         return directions.contiguous().flatten()
+    directions = _numpy_vectors(directions, "directions")
     try:
-        return np.broadcast_to(_numbers(directions, "directions"), (*rays.shape, 3)).reshape(-1, 3)
+        return np.broadcast_to(directions, (*rays.shape, 3)).reshape(-1, 3)
     except ValueError:
-        raise ValueError(f"directions must have shape {(*rays.shape, 3)}; got {np.shape(directions)}") from None
-
-
-def _adopted(value):
-    """An array of another library as a Warp array that shares its memory; anything else as it is."""
-    if isinstance(value, (np.ndarray, np.generic, wp.array)) or not hasattr(value, "__dlpack__"):
-        return value
-    if getattr(value, "shape", None) == ():
-        return float(value)
-    try:
-        return wp.from_dlpack(value)
-    except Exception as error:
-        raise ValueError(f"cannot take the memory of a {type(value).__name__}: {error}") from None
-
-
-def _as_vectors(value):
-    """A Warp array of (..., 3) numbers as one of vectors, in the same memory."""
-    if not isinstance(value, wp.array) or value.ndim == 0 or value.shape[-1] != 3:
-        return value
-    kind = {wp.float32: wp.vec3f, wp.float64: wp.vec3d}.get(value.dtype)
-    return value if kind is None else value.contiguous().view(kind)
+        raise ValueError(f"directions must have shape {(*rays.shape, 3)}; got {directions.shape}") from None
 
 
 def _describe(array: wp.array) -> str:
@@ -186,7 +173,7 @@ def _warp_vectors(array: wp.array, name: str, device: wp.Device) -> wp.array:
 
 def _numpy_vectors(value: ArrayLike, name: str) -> np.ndarray:
     """The value as (..., 3) real numbers."""
-    array = _numbers(value, name)
+    array = checks.real_numbers(value, name)
     if array.ndim == 0 or array.shape[-1] != 3:
         raise ValueError(f"{name} must have shape (..., 3); got {array.shape}")
     return array
@@ -196,7 +183,7 @@ def _in_range(values: np.ndarray, name: str) -> np.ndarray:
     """(n, 3) float32 where the values are no wider than that, else float64."""
     if values.dtype.kind == "f" and values.dtype.itemsize <= 4:
         return values.astype(np.float32, copy=False)
-    array = _wide(values)
+    array = checks.wide(values)
     if array.size == 0:
         return array
     size = np.abs(array)
@@ -210,20 +197,6 @@ def _in_range(values: np.ndarray, name: str) -> np.ndarray:
         if ((longest > 0) & (longest < SMALLEST)).any():
             raise ValueError(f"directions must be longer than {SMALLEST:g}; got {longest[longest > 0].min():g}")
     return array
-
-
-def _wide(values: np.ndarray) -> np.ndarray:
-    return values.astype(np.float64, copy=False)
-
-
-def _numbers(value, name: str) -> np.ndarray:
-    try:
-        array = np.asarray(value)
-        if array.dtype.kind not in "fiub":
-            raise TypeError
-        return array
-    except (TypeError, ValueError):
-        raise ValueError(f"{name} must be real numbers in a regular array; got {type(value).__name__}") from None
 
 
 @lru_cache(maxsize=64)
@@ -240,7 +213,7 @@ def _checked_limit(value: float | Array, name: str, shape: tuple, device: wp.Dev
         if value.device != device:
             raise ValueError(f"{name} is on {value.device.alias}, but the tracer is on {device.alias}")
         return value.contiguous().flatten()
-    array = _numbers(value, name)
+    array = checks.real_numbers(value, name)
     if array.ndim == 0:
         return array
     try:

@@ -9,6 +9,7 @@ import numpy as np
 
 from . import checks
 from .cameras import CAMERAS, AnyCamera
+from .foreign import hosted
 from .lights import AmbientLight, DirectionalLight, PointLight, RectangleLight, SpotLight
 from .materials import Material
 from .mesh import Mesh
@@ -80,7 +81,8 @@ class Instances:
 
     def _checked_index(self) -> np.ndarray:
         count = len(self.world_from_local)
-        index = np.zeros(count, np.int32) if self.material_index is None else np.asarray(self.material_index)
+        given = hosted(self.material_index, "Instances material_index")
+        index = np.zeros(count, np.int32) if given is None else np.asarray(given)
         if index.shape != (count,) or not np.issubdtype(index.dtype, np.integer):
             raise ValueError(f"Instances material_index must be {count} integers; got {index.dtype} {index.shape}")
         if count and (index.min() < 0 or index.max() >= len(self.materials)):

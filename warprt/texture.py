@@ -7,6 +7,7 @@ import numpy as np
 import PIL.Image
 
 from . import checks
+from .foreign import hosted
 from .typing import ArrayLike
 
 WRAPS = ("repeat", "clamp", "mirror")
@@ -127,6 +128,7 @@ def _one_line(error: Exception) -> str:
 
 def _checked_pixels(value: ArrayLike) -> np.ndarray:
     """A read-only copy: uint8, or finite float32 of at least 0."""
+    value = hosted(value, "Texture pixels")
     try:
         array = np.array(value)
     except ValueError:

@@ -274,9 +274,7 @@ class Tracer:
         singular, not finite or not affine.
         """
         with making.lock:
-            self._device_scene.move(first_instance, world_from_local)
-            count = 1 if np.ndim(world_from_local) == 2 else len(world_from_local)
-            self._is_moved[first_instance : first_instance + count] = True
+            self._is_moved[self._device_scene.move(first_instance, world_from_local)] = True
 
     def moved(self) -> tuple[tuple[int, np.ndarray], ...]:
         """(first instance, matrices) of each run of instances to which `set_transforms` has given new ones."""

@@ -8,6 +8,8 @@
 import copy
 import copyreg
 import importlib
+import sys
+import warnings
 
 import numpy as np
 import trimesh
@@ -37,7 +39,9 @@ class RayMeshIntersector:
     float64 in every accuracy.
 
     Results come hit by hit: all first hits by ray, then all second hits, and so on. A surface that a ray crosses at an
-    edge or a vertex counts once.
+    edge or a vertex counts once. `max_hits` limits what `intersects_id` and `intersects_location` return to their
+    callers, and warns once where it cuts; no limit applies to `contains_points`, nor where trimesh itself calls them
+    (thickness, reach, voxels).
     """
 
     def __init__(
@@ -57,6 +61,7 @@ class RayMeshIntersector:
         self._options = _checked(accuracy, device, threads)
         self._made: tuple[int, Tracer | None] | None = None
         """The hash of the mesh, and the tracer made for it."""
+        self._has_warned = False
 
     def __repr__(self) -> str:
         return f"RayMeshIntersector({len(self.mesh.faces)} faces, {self._options['accuracy']})"
@@ -66,7 +71,8 @@ class RayMeshIntersector:
 
     def __setstate__(self, state):
         # One of trimesh's own, pickled elsewhere, has no options.
-        self.__dict__.update({"_options": _checked("robust", None, None)} | state | {"_made": None})
+        kept = {"_options": _checked("robust", None, None), "_has_warned": False} | state
+        self.__dict__.update(kept, _made=None)
 
     def __copy__(self):
         return RayMeshIntersector(self.mesh, **self._options)
@@ -102,21 +108,23 @@ class RayMeshIntersector:
         """(index_tri, index_ray), (m,) int64 each, and, if they are asked for, points (m, 3) float64.
 
         ray_origins, ray_directions: (n, 3) each. multiple_hits: all hits, at most max_hits of a ray; else the first.
-        Raises ValueError for other shapes.
+        Warns once if max_hits, above 1, cuts hits off, and says how many. Raises ValueError for other shapes.
         """
-        origins, directions = _rays(ray_origins, ray_directions)
-        most = checks.integer(min(max_hits, MOST_HITS), "max_hits") if multiple_hits else 1
-        ray, face, t = self._hits(origins, directions, most)
-        if not return_locations:
-            return face, ray
-        return face, ray, self._points(origins, directions, ray, face, t)
+        most = _most_hits(multiple_hits, max_hits)
+        index_tri, index_ray, *points = self._intersections(ray_origins, ray_directions, most, return_locations)
+        return index_tri, index_ray, *points
 
     def intersects_location(
-        self, ray_origins: ArrayLike, ray_directions: ArrayLike, multiple_hits: bool = True, **kwargs
+        self,
+        ray_origins: ArrayLike,
+        ray_directions: ArrayLike,
+        multiple_hits: bool = True,
+        max_hits: int = 100,
+        **others,
     ) -> tuple[np.ndarray, Ids, Ids]:
         """(points (m, 3) float64, index_ray (m,), index_tri (m,)); arguments as for `intersects_id`."""
-        kwargs |= {"multiple_hits": multiple_hits, "return_locations": True}
-        index_tri, index_ray, points = self.intersects_id(ray_origins, ray_directions, **kwargs)
+        most = _most_hits(multiple_hits, max_hits)
+        index_tri, index_ray, points = self._intersections(ray_origins, ray_directions, most, True)
         return points, index_ray, index_tri
 
     def intersects_first(self, ray_origins: ArrayLike, ray_directions: ArrayLike, **others) -> Ids:
@@ -134,8 +142,33 @@ class RayMeshIntersector:
         return self._tracer.occluded(origins, directions)
 
     def contains_points(self, points: ArrayLike) -> np.ndarray:
-        """(n,) bool: whether points (n, 3) lie within the mesh, by the parity of hits; undefined on the surface."""
-        return contains_points(self, points)
+        """(n,) bool: whether points (n, 3) lie within the mesh, by the parity of all hits; undefined on the surface."""
+        points = checks.wide(checks.real_numbers(points, "points"))
+        if self._tracer is None:
+            return np.zeros(len(points), dtype=bool)
+        return contains_points(_Crossings(self.mesh, self._tracer), points)
+
+    def _intersections(self, origins: ArrayLike, directions: ArrayLike, most: int, with_points: bool) -> tuple:
+        """(face, ray), and points if they are wanted, of at most so many hits of each ray."""
+        origins, directions = _rays(origins, directions)
+        ray, face, t = self._hits(origins, directions, most)
+        if 1 < most < MOST_HITS and not self._has_warned:
+            self._warn_of_cuts(origins, directions, ray, most)
+        if not with_points:
+            return face, ray
+        return face, ray, self._points(origins, directions, ray, face, t)
+
+    def _warn_of_cuts(self, origins: np.ndarray, directions: np.ndarray, ray: Ids, most: int) -> None:
+        """Counts what rays that reach the limit have beyond it."""
+        full = np.flatnonzero(np.bincount(ray, minlength=1) == most)
+        cut = self._tracer.count(origins[full], directions[full]).astype(np.int64) - most if len(full) else full
+        if cut.any():
+            self._has_warned = True
+            warnings.warn(
+                f"max_hits={most} cuts off {cut.sum():,} hits, on {np.count_nonzero(cut):,} of {len(origins):,} rays; "
+                "name a larger max_hits if all hits count",
+                stacklevel=4,
+            )
 
     def _hits(self, origins: np.ndarray, directions: np.ndarray, most: int) -> tuple[Ids, Ids, np.ndarray]:
         """(ray, face, t) of all hits, first hits first."""
@@ -167,6 +200,32 @@ class RayMeshIntersector:
         return points.numpy()
 
 
+class _Crossings:
+    """What `trimesh.ray.ray_util.contains_points` asks of an intersector: which rays are hit, as often as they are."""
+
+    def __init__(self, mesh: trimesh.Trimesh, tracer: Tracer):
+        self.mesh = mesh
+        self._tracer = tracer
+
+    def intersects_location(self, origins: np.ndarray, directions: np.ndarray, **others) -> tuple[None, Ids, None]:
+        """(None, index_ray (m,), None): neither points nor faces are looked at."""
+        counts = self._tracer.count(origins, directions)
+        return None, np.repeat(np.arange(len(counts)), counts), None
+
+
+def _most_hits(multiple_hits: bool, max_hits: int) -> int:
+    """How many hits of a ray are wanted by the caller of the method that asks.
+
+    trimesh's own functions name no limit, and derive from all hits what they return.
+    """
+    if not multiple_hits:
+        return 1
+    caller = sys._getframe(1).f_back
+    if caller is not None and caller.f_globals.get("__name__", "").partition(".")[0] == "trimesh":
+        return MOST_HITS
+    return checks.integer(min(max_hits, MOST_HITS), "max_hits")
+
+
 def _hit_by_hit(offsets: np.ndarray) -> tuple[Ids, np.ndarray]:
     """(rays, rows of their hits) in CSR form, as first hits of all rays, then second hits, and so on."""
     start, count = offsets[:-1], np.diff(offsets)
@@ -184,8 +243,8 @@ def _hit_by_hit(offsets: np.ndarray) -> tuple[Ids, np.ndarray]:
 
 def _rays(origins: ArrayLike, directions: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
     """(n, 3) float64 each."""
-    origins = np.asarray(origins, dtype=np.float64)
-    directions = np.asarray(directions, dtype=np.float64)
+    origins = checks.wide(checks.real_numbers(origins, "ray origins"))
+    directions = checks.wide(checks.real_numbers(directions, "ray directions"))
     if origins.shape != directions.shape:
         raise ValueError(f"ray origins and directions don't match: {origins.shape} and {directions.shape}")
     if origins.ndim != 2 or origins.shape[1] != 3:
