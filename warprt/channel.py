@@ -13,7 +13,7 @@ LOOK_S = 1.0
 """Seconds without a byte after which it is asked whether the other process is alive."""
 
 
-class Closed(Exception):
+class ClosedError(Exception):
     """The process at the other end is gone."""
 
 
@@ -30,7 +30,7 @@ class Channel:
         end.settimeout(None if is_alive is None else LOOK_S)
 
     def send(self, value) -> None:
-        """Sends an object; what cannot be pickled raises before anything is sent. Raises Closed."""
+        """Sends an object; what cannot be pickled raises before anything is sent. Raises ClosedError."""
         buffers: list[memoryview] = []
 
         def is_small(buffer: pickle.PickleBuffer) -> bool:
@@ -46,7 +46,7 @@ class Channel:
             self._move(self._end.send, view)
 
     def receive(self):
-        """The next object; its arrays may be written to. Raises Closed."""
+        """The next object; its arrays may be written to. Raises ClosedError."""
         length, count = struct.unpack("<QQ", self._read(16))
         sizes = struct.unpack(f"<{count}Q", self._read(8 * count))
         head = self._read(length)
@@ -72,10 +72,10 @@ class Channel:
                 count = step(view)
             except TimeoutError:
                 if self._is_alive is None or not self._is_alive():
-                    raise Closed from None
+                    raise ClosedError from None
                 continue
             except OSError:
-                raise Closed from None
+                raise ClosedError from None
             if count == 0:
-                raise Closed
+                raise ClosedError
             view = view[count:]

@@ -1,18 +1,17 @@
 """Processes of this machine as workers."""
 
-import atexit
-import multiprocessing.util  # first, as its own handler at exit waits for the processes that ours tells to end
 import os
 import threading
 import weakref
 from concurrent.futures import Executor, Future
+from multiprocessing.util import Finalize
 
 import warp as wp
 
 from . import checks
 from .calls import Call, Calls
 from .launch import default_threads
-from .seat import Seat, WorkerLost
+from .seat import Seat, WorkerLostError
 
 
 class WorkerPool(Executor):
@@ -133,7 +132,7 @@ class _Crew:
             self._drop()
 
     def _drop(self) -> None:
-        self._calls.drop(WorkerLost("the WorkerPool has been shut down"), is_cancelled=True)
+        self._calls.drop(WorkerLostError("the WorkerPool has been shut down"), is_cancelled=True)
 
     def cut(self) -> None:
         self.close(drops=True)
@@ -149,8 +148,11 @@ class _Crew:
 _crews: "weakref.WeakSet[_Crew]" = weakref.WeakSet()
 
 
-@atexit.register
 def _close_all() -> None:
     """Pools that were not shut down do what they were given, then end."""
     for crew in list(_crews):
         crew.close()
+
+
+# At exit, before `multiprocessing` waits for all processes; `atexit` may come after that.
+Finalize(None, _close_all, exitpriority=100)

@@ -9,7 +9,7 @@ from collections.abc import Callable
 from concurrent.futures import BrokenExecutor
 
 from .calls import Call, Calls
-from .channel import Channel, Closed
+from .channel import Channel, ClosedError
 from .serving import READY, RemoteError, serve
 
 STARTS = 5
@@ -19,7 +19,7 @@ GRACE_S = 5.0
 """Seconds that a process has to end when it is told to."""
 
 
-class WorkerLost(BrokenExecutor):
+class WorkerLostError(BrokenExecutor):
     """A process died under a call. Another takes its place, so the call may be made again."""
 
 
@@ -92,7 +92,7 @@ class Seat(threading.Thread):
                 if self._channel.receive() == READY:
                     self._has_begun = True
                     return True
-            except Closed:
+            except ClosedError:
                 status, end = self._reap()
             if not self._has_begun and status is not None and status >= 0:
                 raise StartError(
@@ -139,7 +139,7 @@ class Seat(threading.Thread):
         """Tells the process to end, and waits for that."""
         if self._process is None:
             return
-        with contextlib.suppress(Closed):
+        with contextlib.suppress(ClosedError):
             if not self._is_cut:
                 self._channel.send(None)
         self._process.join(GRACE_S if self._is_cut else None)
@@ -151,7 +151,7 @@ class Seat(threading.Thread):
         """Has the process answer a call, whose future then gets the result, or the error."""
         try:
             self._channel.send((call.function, call.arguments, call.options))
-        except Closed:
+        except ClosedError:
             # It has died idle, and the call has not begun.
             self._reap()
             self._calls.put_back(call)
@@ -162,8 +162,8 @@ class Seat(threading.Thread):
             return
         try:
             result, error, where = self._channel.receive()
-        except Closed:
-            result, error, where = None, WorkerLost(self._reap()[1]), ""
+        except ClosedError:
+            result, error, where = None, WorkerLostError(self._reap()[1]), ""
         except Exception as cause:  # it cannot be unpickled
             result, error, where = None, cause, ""
         # First, so that whoever waits for the future and makes another call finds this worker free.

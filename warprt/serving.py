@@ -8,7 +8,7 @@ import threading
 import traceback
 from multiprocessing import parent_process
 
-from .channel import Channel, Closed
+from .channel import Channel, ClosedError
 from .quiet import start_warp
 
 READY = "ready"
@@ -35,7 +35,7 @@ def serve(end: socket.socket, number: int, devices: int, threads: int) -> None:
         channel.send(READY)
         while _answer(channel):
             pass
-    except Closed:
+    except ClosedError:
         os._exit(1)  # nobody is there for whom to tidy up
 
 
@@ -65,13 +65,13 @@ def _answer(channel: Channel) -> bool:
             return False
         function, arguments, options = call
         answer = function(*arguments, **options), None, ""
-    except Closed:
+    except ClosedError:
         raise
     except BaseException as error:  # whatever it is, it goes to the caller
         answer = None, _portable(error), traceback.format_exc()
     try:
         channel.send(answer)
-    except Closed:
+    except ClosedError:
         raise
     except Exception as error:
         channel.send((None, TypeError(f"the result cannot be sent to another process: {error}"), ""))
