@@ -2,7 +2,6 @@
 
 import os
 import threading
-import weakref
 from concurrent.futures import Executor, Future
 from multiprocessing.util import Finalize
 
@@ -69,8 +68,9 @@ class WorkerPool(Executor):
 
     def _make_crew(self) -> None:
         self._crew = _Crew(*self._arguments)
-        # A pool that nobody holds any more ends like one that is shut down.
-        weakref.finalize(self, self._crew.close).atexit = False
+        # When nobody holds the pool any more, and at exit, before `multiprocessing` waits for all processes. What it was
+        # given is still done.
+        Finalize(self, self._crew.close, exitpriority=100)
 
     def _own_crew(self) -> "_Crew":
         if self._crew.owner != os.getpid():  # after a fork
@@ -88,7 +88,6 @@ class _Crew:
         self._calls = Calls()
         self._lock = threading.Lock()
         self._seats: list[Seat] = []
-        _crews.add(self)
 
     def submit(self, call: Call) -> Future:
         if self._calls.put(call):
@@ -143,16 +142,3 @@ class _Crew:
         for seat in list(self._seats):
             seat.join()
         self._drop()  # nobody is left to take them
-
-
-_crews: "weakref.WeakSet[_Crew]" = weakref.WeakSet()
-
-
-def _close_all() -> None:
-    """Pools that were not shut down do what they were given, then end."""
-    for crew in list(_crews):
-        crew.close()
-
-
-# At exit, before `multiprocessing` waits for all processes; `atexit` may come after that.
-Finalize(None, _close_all, exitpriority=100)
