@@ -2,7 +2,6 @@
 
 import os
 import sys
-import tempfile
 import time
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import (
@@ -17,12 +16,12 @@ from concurrent.futures import (
 )
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from . import place
 from .parcel import Parcel, Recipe, lock, parcel_of
 from .pool import WorkerPool
+from .scratch import scratch_folder
 from .summary import Summary
 from .tiles import Arrays, PictureTile, RayTile
 
@@ -229,8 +228,8 @@ def _delivered(executor: Executor, parcel: Parcel, recipe: Recipe, tracer: "Trac
     if isinstance(executor, (ThreadPoolExecutor, InProcess)) and tracer is not None:
         yield _Here(executor, parcel)
         return
-    with tempfile.TemporaryDirectory(prefix="warprt-") as folder:
-        yield _Here(executor, parcel.in_file(Path(folder, "scene"), recipe))
+    with scratch_folder() as folder:
+        yield _Here(executor, parcel.in_file(folder / "scene", recipe))
 
 
 def require_executor(executor: Executor) -> None:

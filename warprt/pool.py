@@ -68,8 +68,8 @@ class WorkerPool(Executor):
 
     def _make_crew(self) -> None:
         self._crew = _Crew(*self._arguments)
-        # When nobody holds the pool any more, and at exit, before `multiprocessing` waits for all processes. What it was
-        # given is still done.
+        # When nobody holds the pool any more, and at exit, before `multiprocessing` waits for all processes: what it
+        # was given is still done, then they end.
         Finalize(self, self._crew.close, exitpriority=100)
 
     def _own_crew(self) -> "_Crew":
