@@ -317,7 +317,7 @@ def test_command_whose_process_is_killed_goes_on(folder):
     assert run(*command[3:], "-o", "whole.png") == 0
     process = subprocess.Popen(command, cwd=folder, env=environment, start_new_session=True)
     journal = folder / "ball.tiles" / "journal.txt"
-    while not journal.is_file() and process.poll() is None:
+    while not (journal.is_file() and journal.read_text()) and process.poll() is None:
         time.sleep(0.01)
     os.kill(process.pid, signal.SIGKILL)
     process.wait()

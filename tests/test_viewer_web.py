@@ -50,8 +50,9 @@ def get(viewer, path, **headers):
     connection = http.client.HTTPConnection("127.0.0.1", viewer.port, timeout=TIMEOUT_S)
     with contextlib.closing(connection):
         connection.putrequest("GET", path, skip_host="Host" in headers)
-        for name, value in headers.items():
-            connection.putheader(name, value)
+        for name, values in headers.items():
+            for value in [values] if isinstance(values, str) else values:
+                connection.putheader(name, value)
         connection.endheaders()
         answer = connection.getresponse()
         return answer.status, answer.headers, answer.read()
@@ -152,6 +153,15 @@ def test_no_path_reaches_the_file_system(viewer, path):
 )
 def test_other_names_for_this_machine_are_refused(viewer, host):
     assert get(viewer, "/", Host=host)[0] == 403
+
+
+@pytest.mark.parametrize("name", ["Host", "Origin"])
+def test_header_that_is_there_twice_is_a_bad_request(viewer, name):
+    own = f"127.0.0.1:{viewer.port}"
+    headers = {"Upgrade": "websocket", "Connection": "Upgrade", "Host": own, "Origin": f"http://{own}"}
+    for second in (headers[name], "evil.example"):
+        assert get(viewer, "/live", **{**headers, name: (headers[name], second)})[0] == 400
+        assert get(viewer, "/", **{name: (headers[name], second)})[0] == 400
 
 
 @pytest.mark.parametrize("origin", ["http://evil.example", None, "null", "http://127.0.0.1:1"])

@@ -1,11 +1,14 @@
 """Workers of a Dask cluster."""
 
+import asyncio
 import contextlib
 import importlib.util
 import math
 import time
 import weakref
-from concurrent.futures import CancelledError, Executor, Future
+from collections.abc import Callable
+from concurrent.futures import Executor, Future
+from typing import Any
 
 import warp as wp
 
@@ -45,10 +48,6 @@ def require_workers(client) -> None:
 
     Raises ConnectionError when there is no worker in time.
     """
-    try:
-        client.wait_for_workers(1, timeout=PATIENCE)
-    except TimeoutError:
-        raise ConnectionError(f"no worker has come to {client.scheduler.address} within {PATIENCE:g} s") from None
 
     def versions() -> dict[str, str | None]:
         # A function within a function travels by value, so it runs where warprt is missing.
@@ -71,14 +70,54 @@ def require_workers(client) -> None:
 
 
 def _asked(client, question) -> dict:
-    """What each worker answers; a worker that dies meanwhile does not count. ConnectionError if none is left."""
-    answers = client.run(question, on_error="return")
-    living = {worker: answer for worker, answer in answers.items() if not isinstance(answer, Exception)}
-    if not living:
-        raise ConnectionError(
-            f"no worker of {client.scheduler.address} answers: {next(iter(answers.values()), 'none')}"
-        )
-    return living
+    """What each worker answers; one that dies meanwhile does not count. ConnectionError if none answers in time."""
+
+    def ask() -> dict:
+        answers = client.run(question, on_error="return")
+        living = {worker: answer for worker, answer in answers.items() if not isinstance(answer, Exception)}
+        if not living:
+            raise ConnectionError(
+                f"no worker of {client.scheduler.address} answers: {next(iter(answers.values()), 'there is none')}"
+            )
+        return living
+
+    return _patiently(client, ask)
+
+
+def _patiently(client, step: Callable[[], Any]):
+    """What step() returns, tried again while workers, or the scheduler, are lost under it, and others come.
+
+    Raises ConnectionError when that has not helped for `PATIENCE` seconds.
+    """
+    address, end = client.scheduler.address, None
+    while True:
+        _await_workers(client, address, end or time.monotonic() + PATIENCE)
+        try:
+            return step()
+        except (Exception, asyncio.CancelledError) as error:  # Dask has many, a bare KeyError among them
+            end = end or time.monotonic() + PATIENCE
+            if time.monotonic() >= end or client.status == "closed":
+                said = error if isinstance(error, ConnectionError) else f"{type(error).__name__}: {error}"
+                raise ConnectionError(
+                    f"workers of {address} are lost again and again, for {PATIENCE:g} s: {said}"
+                ) from error
+        time.sleep(0.1)
+
+
+def _await_workers(client, address: str, end: float) -> None:
+    """Waits for the scheduler, and for a first worker. Raises ConnectionError when one is not there in time."""
+    while True:
+        if client.status == "closed" or (client.status != "running" and time.monotonic() > end):
+            raise ConnectionError(f"the scheduler at {address} is gone")
+        if client.status == "running":
+            try:
+                client.wait_for_workers(1, timeout=max(0.1, end - time.monotonic()))
+                return
+            except (TimeoutError, asyncio.TimeoutError):
+                raise ConnectionError(f"no worker has come to {address} within {PATIENCE:g} s") from None
+            except OSError:
+                pass  # the scheduler is lost meanwhile
+        time.sleep(0.1)
 
 
 class DaskDelivery:
@@ -93,26 +132,49 @@ class DaskDelivery:
         self._count, self._counted_at = 1, -math.inf
         self._resources = executor._kwargs.get("resources") or {}
         self._named = None if executor._kwargs.get("allow_other_workers") else executor._kwargs.get("workers")
-        require_workers(self._client)
-        key, self._scattered = _scattered.get(self._client, ("", None))
-        if key != parcel.key or self._scattered.status != "finished":
-            self._scatter()
-        else:
-            # Dask has dropped the copies of workers that waited for work, and would give them none.
-            with contextlib.suppress(OSError):  # of a worker that dies meanwhile
-                self._client.replicate([self._scattered])
+        self._scattered = None
+        try:
+            require_workers(self._client)
+            self._bring()
+        except ConnectionError as error:
+            raise TileError(str(error)) from error
 
-    def _scatter(self) -> None:
+    def _bring(self) -> None:
+        """Sees to it that workers have the scene."""
+        key, known = _scattered.get(self._client, ("", None))
+        if key == self._parcel.key and known is not self._scattered and known.status == "finished":
+            self._scattered = known
+            # Dask has dropped the copies of workers that waited for work, and would give them none.
+            with contextlib.suppress(Exception):  # of a worker that dies meanwhile
+                replicate = self._client.scheduler.replicate
+                self._client.sync(replicate, keys=[known.key], n=None, callback_timeout=PATIENCE)
+        if self._scattered is None or not self._is_there():
+            parcel = self._parcel.packed(self._recipe)
+            self._scattered = _patiently(self._client, lambda: self._scatter(parcel))
+            _scattered[self._client] = self._parcel.key, self._scattered
+
+    def _scatter(self, parcel: Parcel):
         # To all of them, so that it is not lost with one. hash=False: a new key each time, as a lost one stays lost.
-        self._scattered = self._client.scatter(self._parcel.packed(self._recipe), broadcast=True, hash=False)
-        _scattered[self._client] = self._parcel.key, self._scattered
+        scattered = self._client.scatter(parcel, broadcast=True, hash=False)
+        if not any(self._client.who_has([scattered]).values()):
+            raise ConnectionError("the scene was lost with the workers that it was sent to")
+        return scattered
+
+    def _is_there(self) -> bool:
+        """Whether a worker has the scene still."""
+        try:
+            return self._scattered.status == "finished" and any(self._client.who_has([self._scattered]).values())
+        except Exception:
+            return False
 
     borrows = False
 
     def in_flight(self) -> int:
         """Tiles for the workers there are now, or were a second ago: asking takes a way to the scheduler and back."""
         if time.monotonic() > self._counted_at + 1 and self._client.status == "running":
-            self._count, self._counted_at = max(1, self._eligible()), time.monotonic()
+            with contextlib.suppress(OSError):  # the scheduler is lost meanwhile
+                self._count = max(1, self._eligible())
+            self._counted_at = time.monotonic()
         return IN_FLIGHT * self._count
 
     def _eligible(self) -> int:
@@ -147,10 +209,10 @@ class DaskDelivery:
                 tile = self._client.scatter(tile, hash=False)
             # pure=False: a tile that failed is not answered from memory.
             task = self._client.submit(run_tile, self._scattered, tile, **{**self._executor._kwargs, "pure": False})
-        except RuntimeError as error:
-            raise TileError(f"the Dask client is closed ({error})") from None
-        except OSError as error:
-            # Of a worker that died, or none: tried again as if the tile had been lost with it.
+        except (Exception, asyncio.CancelledError) as error:
+            if self._client.status in ("closing", "closed"):
+                raise TileError(f"the Dask client is closed ({error})") from None
+            # Of workers that died, or none: tried again as if the tile had been lost with them.
             future.set_exception(error)
             return future
         future.add_done_callback(lambda _: task.cancel() if future.cancelled() else None)
@@ -163,7 +225,7 @@ class DaskDelivery:
             return
         try:
             future.set_result(self._fetched(task))
-        except (Exception, CancelledError) as error:
+        except BaseException as error:  # that of a cancelled task is no Exception in all versions
             future.set_exception(error)
         finally:
             # Or else the worker keeps its copy until Python finds the ring of callbacks.
@@ -181,20 +243,18 @@ class DaskDelivery:
                 patience *= 2
 
     def mend(self, error: BaseException) -> None:
-        """Scatters again when the scene may be lost: a cancelled tile means that its scheduler, or its input, is."""
-        is_cancelled = isinstance(error, CancelledError) or "Cancelled" in type(error).__name__
-        if not is_cancelled and not isinstance(error, OSError):
-            return
-        if self._scattered.status == "finished" and self._client.status == "running":
+        """Waits for workers, and brings them the scene again if it was lost with all that had it.
+
+        Raises TileError when there are none in time.
+        """
+        if self._client.status == "running" and self._is_there():
             self.require_workers()
             return
-        end = time.monotonic() + PATIENCE
-        while self._client.status != "running":
-            if time.monotonic() > end or self._client.status == "closed":
-                raise TileError(f"the scheduler at {self._address} is gone")
-            time.sleep(0.1)
-        require_workers(self._client)
-        self._scatter()
+        try:
+            require_workers(self._client)
+            self._bring()
+        except ConnectionError as lost:
+            raise TileError(str(lost)) from error
 
 
 def kind(client, asked: str | None) -> str:

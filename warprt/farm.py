@@ -2,7 +2,6 @@
 
 import os
 import sys
-import tempfile
 import time
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import (
@@ -15,14 +14,14 @@ from concurrent.futures import (
     ThreadPoolExecutor,
     wait,
 )
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from . import place
 from .parcel import Parcel, Recipe, lock, parcel_of
 from .pool import WorkerPool
+from .scratch import scratch_folder
 from .summary import Summary
 from .tiles import Arrays, PictureTile, RayTile
 
@@ -36,6 +35,8 @@ IN_FLIGHT = 2
 """Tiles for each worker: one at work, one waiting, so that results never pile up."""
 PATIENCE = 30.0
 """Seconds without a result after which it is asked whether there are workers still."""
+NOTICE_S = 1.0
+"""Seconds that an executor has to notice that a process of its own has died."""
 OUR_FAULT = (ValueError, TypeError, ImportError, MemoryError)
 """Errors that another try would only repeat."""
 
@@ -202,7 +203,20 @@ class _Here:
         return IN_FLIGHT * getattr(self._executor, "_max_workers", os.cpu_count())
 
     def require_workers(self) -> None:
-        """They are of this machine."""
+        """Raises TileError when a process of a `ProcessPoolExecutor` has died without its noticing.
+
+        It then reads the half of a result, or waits for a lock that nobody gives back. Another executor is trusted.
+        """
+        dead = _dead_processes(self._executor)
+        if not dead:
+            return
+        time.sleep(NOTICE_S)  # it notices most of them at once, and says so in the futures
+        if dead & _dead_processes(self._executor):
+            _release(self._executor)
+            raise TileError(
+                f"process {min(dead)} of the {type(self._executor).__name__} has died, and it waits for that without "
+                "end: warprt.WorkerPool mends itself"
+            )
 
     def is_final(self, error: BaseException) -> bool:
         return False
@@ -217,6 +231,22 @@ class _Here:
         """Nothing that is ours to mend."""
 
 
+def _dead_processes(executor: Executor) -> set[int]:
+    """Ids of those that a `ProcessPoolExecutor` believes to be alive."""
+    processes = getattr(executor, "_processes", None) if isinstance(executor, ProcessPoolExecutor) else None
+    return {process.pid for process in list((processes or {}).values()) if process.exitcode is not None}
+
+
+def _release(executor: ProcessPoolExecutor) -> None:
+    """Ends its processes and its wait for them, or else its `with` statement, or Python, would not end either."""
+    with suppress(AttributeError, OSError):  # of what other versions of Python have not, or has ended meanwhile
+        for process in list(executor._processes.values()):
+            process.kill()
+        # Pipes are open at both ends in this process too, so that neither who reads nor who writes would hear of it.
+        executor._call_queue.cancel_join_thread()
+        executor._result_queue._writer.close()
+
+
 @contextmanager
 def _delivered(executor: Executor, parcel: Parcel, recipe: Recipe, tracer: "Tracer | None"):
     """Brings the recipe to where the executor's workers find it."""
@@ -229,8 +259,8 @@ def _delivered(executor: Executor, parcel: Parcel, recipe: Recipe, tracer: "Trac
     if isinstance(executor, (ThreadPoolExecutor, InProcess)) and tracer is not None:
         yield _Here(executor, parcel)
         return
-    with tempfile.TemporaryDirectory(prefix="warprt-") as folder:
-        yield _Here(executor, parcel.in_file(Path(folder, "scene"), recipe))
+    with scratch_folder() as folder:
+        yield _Here(executor, parcel.in_file(folder / "scene", recipe))
 
 
 def require_executor(executor: Executor) -> None:

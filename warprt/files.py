@@ -1,7 +1,10 @@
 """Files written whole or not at all."""
 
+import contextlib
+import io
 import os
-import tempfile
+import secrets
+import stat
 from collections.abc import Callable
 from pathlib import Path
 from typing import BinaryIO
@@ -15,35 +18,108 @@ except ImportError:  # not on Windows, where nothing is locked
 def require_writable(path: str | Path) -> Path:
     """The path, if a file can be put there. Raises OSError that names it otherwise."""
     path = Path(path)
-    if not path.parent.is_dir():
-        raise FileNotFoundError(f"cannot write {path}: there is no folder {path.parent}")
-    if path.is_dir():
+    target = target_of(path)
+    if target.is_dir():
         raise IsADirectoryError(f"cannot write {path}: it is a folder")
-    if not os.access(path.parent, os.W_OK):
-        raise PermissionError(f"cannot write {path}: the folder {path.parent.resolve()} is read-only")
+    if _is_special(target):
+        return path
+    if not target.parent.is_dir():
+        raise FileNotFoundError(f"cannot write {path}: there is no folder {target.parent}")
+    if not os.access(target.parent, os.W_OK):
+        raise PermissionError(f"cannot write {path}: the folder {target.parent.resolve()} is read-only")
     return path
+
+
+def target_of(path: Path) -> Path:
+    """What a symbolic link leads to, which need not exist; any other path as it is.
+
+    Raises OSError for a link that leads to itself.
+    """
+    if not path.is_symlink():
+        return path
+    target = Path(os.path.realpath(path))
+    if target.is_symlink():
+        raise OSError(f"cannot write {path}: it is a symbolic link that leads to itself")
+    return target
+
+
+def _is_special(target: Path) -> bool:
+    """Whether a device or a pipe is there, which is written to and never replaced."""
+    return target.exists() and not target.is_file() and not target.is_dir()
 
 
 def write_whole(path: str | Path, write: Callable[[BinaryIO], None]) -> None:
     """Calls write(file) on a temporary file beside `path`, then puts it in place; an error leaves no trace.
 
-    Raises OSError when the path cannot be written.
+    The target of a symbolic link is written, and the link stays. A file that is replaced keeps its permissions. What a
+    killed process has left half written goes when the same file is next written. Raises OSError, which names the path,
+    when it cannot be written.
     """
     path = require_writable(path)
-    handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+    target = target_of(path)
     try:
-        os.close(handle)
-        # By name, which some writers ask a file for.
-        with open(temporary, "wb") as file:
+        (_write_through if _is_special(target) else _write_beside)(target, write)
+    except OSError as error:
+        if error.filename is not None or str(path) in str(error):
+            raise
+        named = type(error)(f"cannot write {path}: {error.strerror or error}")
+        named.errno = error.errno
+        raise named from error
+
+
+def _write_through(target: Path, write: Callable[[BinaryIO], None]) -> None:
+    # By way of memory: writers go back to earlier places, which a pipe has not.
+    buffer = io.BytesIO()
+    write(buffer)
+    with open(target, "wb") as file:
+        file.write(buffer.getbuffer())
+
+
+def _write_beside(target: Path, write: Callable[[BinaryIO], None]) -> None:
+    temporary, lock = _begin(target)
+    try:
+        with _File(io.FileIO(temporary, "wb")) as file:
+            if target.exists():
+                os.chmod(temporary, stat.S_IMODE(target.stat().st_mode))
             write(file)
-        # mkstemp gives a private file; a picture should have the permissions of any new file.
-        mask = os.umask(0)
-        os.umask(mask)
-        os.chmod(temporary, 0o666 & ~mask)
-        os.replace(temporary, path)
+        os.replace(temporary, target)
     except BaseException:
-        os.unlink(temporary)
+        temporary.unlink(missing_ok=True)
         raise
+    finally:
+        lock.release()
+
+
+class _File(io.BufferedWriter):
+    """A file that is written by its method alone: given its number, Pillow overlooks that a disk is full."""
+
+    def fileno(self) -> int:
+        raise io.UnsupportedOperation("fileno")
+
+
+def _begin(target: Path) -> tuple[Path, "FileLock"]:
+    """A new file beside the target, with the permissions of any new file, and its lock.
+
+    It has the same name each time, by which one that a killed process has left is found, and no other is looked for.
+    """
+    path = target.with_name(f".{target.name}.part")
+    while True:
+        try:
+            os.close(os.open(path, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))
+            is_new = True
+        except FileExistsError:
+            is_new = False
+        lock = FileLock(path)
+        with contextlib.suppress(BlockingIOError, PermissionError):
+            lock.take("another process writes it")
+            if is_new:
+                return path, lock
+            if lock.is_certain:
+                path.unlink()
+                lock.release()
+                continue
+        lock.release()
+        path = target.with_name(f".{target.name}.{secrets.token_hex(4)}.part")
 
 
 class FileLock:
@@ -52,6 +128,8 @@ class FileLock:
     def __init__(self, path: Path):
         self._path = path
         self._file: BinaryIO | None = None
+        self.is_certain = False
+        """Whether no other can hold it; there are systems and file systems without locks."""
 
     def take(self, held: str) -> None:
         """Makes the file. Raises BlockingIOError with the words `held` if another one holds it."""
@@ -63,6 +141,7 @@ class FileLock:
             # Else its holder has removed it meanwhile, with all that it was for.
             if not os.path.samestat(os.fstat(file.fileno()), os.stat(self._path)):
                 raise BlockingIOError
+            self.is_certain = True
         except (BlockingIOError, FileNotFoundError):
             file.close()
             raise BlockingIOError(held) from None
@@ -74,4 +153,4 @@ class FileLock:
         """Leaves it to others; whoever wants it removed does so before."""
         if self._file is not None:
             self._file.close()
-            self._file = None
+            self._file, self.is_certain = None, False

@@ -39,7 +39,7 @@ def run(options: argparse.Namespace) -> None:
         with _ended_like_ctrl_c():
             job.work()
     except KeyboardInterrupt:
-        raise KeyboardInterrupt(job.keep()) from None
+        raise KeyboardInterrupt(job.keep("interrupted")) from None
 
 
 @contextmanager
@@ -134,12 +134,12 @@ class Job:
             turned(self.camera, 0)
         room = empty_arrays(self.of_film, *options.size)
         self.unfinished = Unfinished(self.output.with_suffix(".unfinished.npz"), room, self._terms)
-        left = self.unfinished.path
-        if options.resume and left.exists():
+        left = self.unfinished.found()
+        if options.resume and left:
             self.unfinished.load(self.frames)
         elif options.resume:
-            print(f"warprt: there is no {left}; begins anew", file=sys.stderr)
-        elif left.exists():
+            print(f"warprt: there is no {self.unfinished.path}; begins anew", file=sys.stderr)
+        elif left:
             print(f"warprt: {left} is left of an interrupted render, which --resume continues", file=sys.stderr)
 
     def _terms(self) -> dict:
@@ -168,7 +168,13 @@ class Job:
         return self.tracer.kind
 
     def work(self) -> None:
-        """Renders and writes everything, and says how fast it was."""
+        """Renders and writes everything, and says how fast it was. Where a disk is full, what is done is kept."""
+        try:
+            self._work()
+        except OSError as error:
+            raise OSError(self.keep(str(error))) from error
+
+    def _work(self) -> None:
         options = self.options
         self.tracer.compile_render(self.camera, options.integrator, self.outputs, options.noise)
         started = time.perf_counter()
@@ -245,15 +251,18 @@ class Job:
             f"{'' if tracer.device.is_cuda else f', {tracer.threads} threads'})"
         )
 
-    def keep(self) -> str:
-        """Keeps what is done when the work is interrupted. What to say then."""
+    def keep(self, reason: str) -> str:
+        """Keeps what is done when the work ends early. What to say then."""
         unfinished = self.unfinished
         if unfinished.frame == 0 and unfinished.rows == 0:
-            return "interrupted"
-        unfinished.save()
+            return reason
+        try:
+            path = unfinished.save()
+        except OSError as error:
+            return f"{reason}; what is done cannot be kept: {error}"
         done = f"{unfinished.rows} of {self.options.size[1]} rows"
         if self.frames:
             done = f"{unfinished.frame} of {len(self.frames)} frames and {done}"
         arguments = [word for word in self.options.arguments if word != "--resume"]
         again = shlex.join(["warprt", *arguments, "--resume"])
-        return f"interrupted; {done} are kept in {unfinished.path}; to continue: {again}"
+        return f"{reason}; {done} are kept in {path}; to continue: {again}"

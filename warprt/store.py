@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from .files import FileLock, write_whole
+from .files import FileLock, target_of, write_whole
 from .spans import Spans
 from .tiles import Arrays, PictureTile, RayTile
 
@@ -23,6 +23,7 @@ class Store:
     """
 
     def __init__(self, folder: Path, count: int):
+        folder = target_of(folder)
         self.folder = folder
         self.count = count
         self.done = Spans()

@@ -96,7 +96,7 @@ class TiledJob(Job):
             self._write()
             self.store.remove()
         except OSError as error:
-            raise OSError(f"{error}; {self._kept()}" if len(self.store.done) else str(error)) from error
+            raise OSError(self.keep(str(error))) from error
         finally:
             self.store.close()
         self._report(summary)
@@ -192,9 +192,8 @@ class TiledJob(Job):
     def _done(self) -> str:
         return f"{len(self.store.done)} of {self.height} rows"
 
-    def _kept(self) -> str:
-        return f"{self._done()} are kept in {self.store.folder}, and the same command goes on"
-
-    def keep(self) -> str:
-        """What to say when the work is interrupted: tiles are on the disk already."""
-        return f"interrupted; {self._kept()}" if len(self.store.done) else "interrupted"
+    def keep(self, reason: str) -> str:
+        """What to say when the work ends early: tiles are on the disk already."""
+        if not len(self.store.done):
+            return reason
+        return f"{reason}; {self._done()} are kept in {self.store.folder}, and the same command goes on"

@@ -33,6 +33,8 @@ CLIENTS = ("/preview/", "/world/")
 """Where viser's client is served."""
 OPTIONS = {"hideViserLogo", "fixedDpr"}
 """What our page asks of it."""
+ONCE = ("Host", "Origin")
+"""Headers that are checked, and so may not say two things."""
 HEADERS = {
     "Cache-Control": "no-store",
     "X-Content-Type-Options": "nosniff",
@@ -135,10 +137,12 @@ class Web:
 
     def _answer(self, connection, request):
         """The answer to a request for a file; None lets a WebSocket through."""
+        if any(len(request.headers.get_all(name)) > 1 for name in ONCE):
+            return _response(http.HTTPStatus.BAD_REQUEST, "text/plain", b"A request has one Host and one Origin.\n")
         host, path = request.headers.get("Host"), request.path.partition("?")[0]
         if not is_expected(host, self._names):
             return _response(http.HTTPStatus.FORBIDDEN, "text/plain", b"This viewer does not go by that name.\n")
-        if request.headers.get("Upgrade", "").lower() == "websocket":
+        if "websocket" in map(str.lower, request.headers.get_all("Upgrade")):
             if not is_own_page(request.headers.get("Origin"), host):
                 return _response(http.HTTPStatus.FORBIDDEN, "text/plain", b"Only the viewer's own page may connect.\n")
             return None
