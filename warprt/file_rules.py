@@ -50,12 +50,12 @@ class FileRules:
         Raises ValueError for a URL, for what is not a regular file, and, unless the scene is trusted, for a file
         outside its folder, links followed, or of another suffix; FileNotFoundError if there is none.
         """
-        if "\0" in name or "://" in name:
+        if not name or "\0" in name or "://" in name:
             raise ValueError(f"{what}: {_brief(name)} is not the name of a file")
         path = (self.path.parent if base is None else Path(base)) / name
         try:
             target = path.resolve()
-        except (OSError, RuntimeError):  # links that lead to themselves
+        except (OSError, RuntimeError, ValueError):  # links that lead to themselves, what is no text
             raise ValueError(f"{what}: {_brief(name)} cannot be resolved") from None
         if not self.is_trusted:
             if _SCHEME.match(name) or not target.is_relative_to(self._folder):
@@ -70,7 +70,7 @@ class FileRules:
         return path
 
     def charge(self, size: int, what: str) -> None:
-        """Adds memory that `what` is about to take, in bytes. Raises ValueError if that is more than there is for it."""
+        """Adds bytes of memory that `what` is about to take. Raises ValueError if that is too much in all."""
         self._bytes += int(size)
         if self.is_trusted:
             return
@@ -82,7 +82,7 @@ class FileRules:
             )
 
     def charge_objects(self, count: int, what: str) -> None:
-        """Adds objects, such as nodes or copies, that `what` is about to make. Raises ValueError if they are too many."""
+        """Adds objects, such as copies, that `what` is about to make. Raises ValueError if they are too many in all."""
         self._objects += int(count)
         if self.is_trusted:
             return
