@@ -61,7 +61,8 @@ class FileRules:
             raise ValueError(f"{what}: {brief(name)} cannot be resolved") from None
         if not self.is_trusted:
             if _SCHEME.match(name) or not target.is_relative_to(self._folder):
-                raise ValueError(f"{what}: {brief(name)} is not a file in the folder of the scene, or below; {ADVICE}")
+                advice = "" if "://" in name else f"; {ADVICE}"
+                raise ValueError(f"{what}: {brief(name)} is not a file in the folder of the scene, or below{advice}")
             if suffixes and path.suffix.lower() not in suffixes:
                 raise ValueError(f"{what}: cannot read {brief(name)}, which is none of {' '.join(suffixes)}; {ADVICE}")
         size = _regular_size(path, brief(name), what)
