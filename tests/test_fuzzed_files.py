@@ -4,6 +4,7 @@ import base64
 import json
 import resource
 import warnings
+from copy import deepcopy
 
 import pytest
 from hypothesis import HealthCheck, given, settings
@@ -110,9 +111,9 @@ def changed_json(draw):
         elif action == "repeat" and isinstance(owner, list):
             owner[key:key] = [owner[key]] * draw(st.sampled_from([1, 2, 300]))
         elif action == "copy":
-            owner[key] = json.loads(json.dumps(at(value, draw(st.sampled_from(found)))))
+            owner[key] = deepcopy(at(value, draw(st.sampled_from(found))))
         else:
-            owner[key] = draw(st.sampled_from(NUMBERS if action == "number" else ODD))
+            owner[key] = deepcopy(draw(st.sampled_from(NUMBERS if action == "number" else ODD)))
         if not isinstance(value, dict):
             break
     return value

@@ -188,6 +188,10 @@ def _option(text: str) -> tuple[str, object]:
     name, equals, value = text.partition("=")
     if not (equals and name.isidentifier()):
         raise argparse.ArgumentTypeError(f"{text!r} is not NAME=VALUE, such as size=5")
+    if name in ("path", "trust"):
+        raise argparse.ArgumentTypeError(
+            f"{name!r} is a parameter of load_scene, so no option of scene() can have this name"
+        )
     try:
         return name, ast.literal_eval(value)
     except (ValueError, SyntaxError):
