@@ -2,7 +2,6 @@
 
 import base64
 import json
-import resource
 import warnings
 from copy import deepcopy
 
@@ -16,6 +15,7 @@ from test_gltf_broken import full_glb, places
 import warprt as rt
 from warprt import file_rules
 
+resource = pytest.importorskip("resource")
 MOST_MIB = 400
 """What one file may add to the memory of the process, under the small budget of these tests."""
 QUICK = settings(max_examples=300, suppress_health_check=[HealthCheck.function_scoped_fixture])

@@ -12,9 +12,9 @@ from pathlib import Path
 from .brief import brief
 
 FREE_BYTES = 2**31
-"""Memory that any file may take: ten pictures of 8192 x 8192, whose file, in one colour, has few kB."""
+"""Memory that any file may take: nine pictures of 8192 x 8192, whose files, in one colour, have few kB each."""
 BYTES_PER_BYTE = 64
-"""Memory for each byte read: eight JPEG files of photos, or thirty times what numbers in float32 become."""
+"""Memory for each byte read: photos as JPEG take 10 to 30, numbers in float32 4 to 8, nodes and copies up to 64."""
 FREE_OBJECTS = 250_000
 OBJECTS_PER_BYTE = 1.0
 """A node written out takes three bytes at least, so only copies and shared lists come near."""
