@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from .brief import brief
 from .foreign import described, hosted
 from .typing import ArrayLike
 
@@ -88,5 +89,5 @@ def integer(value: int, name: str, least: int = 1, most: int = 2**31 - 1) -> int
     """An integer between two limits."""
     if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or not least <= value <= most:
         limits = f"of at least {least}" if most == 2**31 - 1 else f"from {least} to {most}"
-        raise ValueError(f"{name} must be an integer {limits}; got {value!r}")
+        raise ValueError(f"{name} must be an integer {limits}; got {brief(value)}")
     return int(value)

@@ -3,6 +3,8 @@
 import numpy as np
 import warp as wp
 
+from .brief import brief
+
 CPU_MEMORY = (1, 3)
 """Kinds of device, as DLPack numbers them, whose memory NumPy reads: the CPU, and what CUDA has pinned there."""
 
@@ -75,5 +77,4 @@ def described(value) -> str:
     """A value, or what an array is, on one line."""
     if hasattr(value, "dtype") and getattr(value, "shape", ()) != ():
         return f"{type(value).__name__} of {getattr(value.dtype, '__name__', value.dtype)}, shape {tuple(value.shape)}"
-    text = " ".join(repr(value).split())
-    return text if len(text) <= 80 else f"{text[:77]}..."
+    return brief(value)
