@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from .brief import brief
 from .typing import ArrayLike
 
 
@@ -13,7 +14,7 @@ def real_array(value: ArrayLike, name: str) -> np.ndarray:
             raise TypeError
         return array.astype(np.float64)
     except (TypeError, ValueError):
-        raise ValueError(f"{name} must be real numbers; got {value!r}") from None
+        raise ValueError(f"{name} must be real numbers; got {brief(value)}") from None
 
 
 def finite_array(value: ArrayLike, shape: tuple[int, ...], name: str) -> np.ndarray:
@@ -65,5 +66,5 @@ def integer(value: int, name: str, least: int = 1, most: int = 2**31 - 1) -> int
     """An integer between two limits."""
     if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or not least <= value <= most:
         limits = f"of at least {least}" if most == 2**31 - 1 else f"from {least} to {most}"
-        raise ValueError(f"{name} must be an integer {limits}; got {value!r}")
+        raise ValueError(f"{name} must be an integer {limits}; got {brief(value)}")
     return int(value)

@@ -9,6 +9,8 @@ import re
 import stat
 from pathlib import Path
 
+from .brief import brief
+
 FREE_BYTES = 2**31
 """Memory that any file may take: ten pictures of 8192 x 8192, whose file, in one colour, has few kB."""
 BYTES_PER_BYTE = 64
@@ -50,19 +52,19 @@ class FileRules:
         Raises ValueError for a URL, for what is not a regular file, and, unless the scene is trusted, for a file
         outside its folder, links followed, or of another suffix; FileNotFoundError if there is none.
         """
-        if not name or "\0" in name or "://" in name:
-            raise ValueError(f"{what}: {_brief(name)} is not the name of a file")
+        if not name or "\0" in name or (self.is_trusted and "://" in name):
+            raise ValueError(f"{what}: {brief(name)} is not the name of a file")
         path = (self.path.parent if base is None else Path(base)) / name
         try:
             target = path.resolve()
         except (OSError, RuntimeError, ValueError):  # links that lead to themselves, what is no text
-            raise ValueError(f"{what}: {_brief(name)} cannot be resolved") from None
+            raise ValueError(f"{what}: {brief(name)} cannot be resolved") from None
         if not self.is_trusted:
             if _SCHEME.match(name) or not target.is_relative_to(self._folder):
-                raise ValueError(f"{what}: {_brief(name)} is not a file in the folder of the scene, or below; {ADVICE}")
+                raise ValueError(f"{what}: {brief(name)} is not a file in the folder of the scene, or below; {ADVICE}")
             if suffixes and path.suffix.lower() not in suffixes:
-                raise ValueError(f"{what}: {_brief(name)} is none of {' '.join(suffixes)}; {ADVICE}")
-        size = _regular_size(path, _brief(name), f"{what}: ")
+                raise ValueError(f"{what}: cannot read {brief(name)}, which is none of {' '.join(suffixes)}; {ADVICE}")
+        size = _regular_size(path, brief(name), what)
         if target not in self._known:
             self._known.add(target)
             self.bytes_read += size
@@ -94,12 +96,14 @@ class FileRules:
             )
 
 
-def _regular_size(path: Path, shown: str, user: str = "") -> int:
+def _regular_size(path: Path, shown: str, what: str | None = None) -> int:
     """Bytes of a regular file, found without opening it: a pipe would block. Errors show the name as given."""
+    user = f"{what}: " if what else ""
     try:
         found = os.stat(path)
     except (FileNotFoundError, NotADirectoryError):
-        raise FileNotFoundError(f"{user}there is no file {shown}") from None
+        asks = f", which {what} asks for" if what else ""
+        raise FileNotFoundError(f"there is no file {shown}{asks}") from None
     except (OSError, ValueError) as error:  # a name that is too long, or has a NUL
         raise ValueError(f"{user}cannot read {shown}: {getattr(error, 'strerror', None) or error}") from None
     if not stat.S_ISREG(found.st_mode):
@@ -116,8 +120,3 @@ def _machine_bytes() -> int:
 
 def _mib(size: int) -> str:
     return f"{size / 2**20:.4g} MiB"
-
-
-def _brief(name: str) -> str:
-    """A name as an error shows it; long ones are cut first, so that showing them costs nothing."""
-    return repr(name) if len(name) <= 78 else f"{name[:75]!r}..."

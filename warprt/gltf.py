@@ -7,7 +7,10 @@ import struct
 from pathlib import Path
 from urllib.parse import unquote, unquote_to_bytes
 
-from .json_record import Record, brief
+from .brief import brief, shown
+from .file_rules import FileRules
+from .json_record import Record
+from .notes import Notes
 
 SUFFIXES = (".glb", ".gltf")
 EXTENSIONS = {"KHR_lights_punctual", "EXT_mesh_gpu_instancing", "KHR_mesh_quantization", "EXT_texture_webp"}
@@ -19,19 +22,20 @@ class Document:
     """A .glb or .gltf file, read but not interpreted.
 
     Raises ValueError for a file that is broken, of another version, or that requires an extension which is not
-    understood. Files that it refers to must lie in its own folder or below.
+    understood.
     """
 
-    def __init__(self, path: str | Path):
-        self.path = Path(path)
-        data = self.path.read_bytes()
-        is_binary = data[:4] == struct.pack("<I", MAGIC) or self.path.suffix.lower() == ".glb"
+    def __init__(self, rules: FileRules):
+        self.rules = rules
+        data = rules.path.read_bytes()
+        is_binary = data[:4] == struct.pack("<I", MAGIC) or rules.path.suffix.lower() == ".glb"
         text, self._binary = _chunks(data) if is_binary else (data, None)
         self.root = Record(_parse(text), "the JSON")
-        self.notes: dict[str, None] = {}
-        """What was not understood, a line each, in order."""
+        self.notes = Notes()
+        """What was not understood or left out."""
         self._noted_extensions: set[str] = set()
-        self._buffers: dict[int, bytes] = {}
+        self._buffers: dict[int, bytes | memoryview] = {}
+        self._files: dict[Path, bytes] = {}
         self._check_version()
         self._check_extensions()
 
@@ -46,22 +50,18 @@ class Document:
         if required:
             raise ValueError(f"requires the extension {brief(required[0])}, which is not understood")
 
-    def note(self, text: str) -> None:
-        """Remembers, once, that something was not understood."""
-        self.notes.setdefault(" ".join(text.split()))
-
     def note_extensions(self, record: Record) -> None:
         """Notes the extensions of an object that are not understood."""
         for name in record.record("extensions", {}):
             if name not in EXTENSIONS:
                 self._noted_extensions.add(name)
-                self.note(f"{record.name}: the extension {name} is not understood and left out")
+                self.notes.add(f"{{}}: the extension {shown(name)} is not understood and left out", record.name)
 
     def note_other_extensions(self) -> None:
         """Notes the extensions that the file uses in places that were not visited."""
         for name in self.root.texts("extensionsUsed"):
             if name not in EXTENSIONS | self._noted_extensions:
-                self.note(f"the extension {name} is not understood and left out")
+                self.notes.add(f"the extension {shown(name)} is not understood and left out")
 
     def find(self, kind: str, index: int, user: str) -> Record:
         """An object of one of the file's lists, such as "nodes"; `user` is who asks."""
@@ -82,23 +82,23 @@ class Document:
             )
         return memoryview(data)[offset : offset + length], view.integer("byteStride", None, 1)
 
-    def _buffer(self, index: int, user: str) -> bytes:
+    def _buffer(self, index: int, user: str) -> bytes | memoryview:
         if index not in self._buffers:
             buffer = self.find("buffers", index, user)
             length = buffer.integer("byteLength", least=1)
             uri = buffer.text("uri", None)
             if uri is not None:
-                data = self.resource(uri, buffer.name)
+                data = self._bytes(uri, buffer.name)
             elif index == 0 and self._binary is not None:
                 data = self._binary
             else:
                 raise ValueError(f"{buffer.name} has no uri, and the file no bytes for it")
             if len(data) < length:
                 raise ValueError(f"{buffer.name} must have {length} bytes; there are {len(data)}")
-            self._buffers[index] = data[:length]
+            self._buffers[index] = memoryview(data)[:length]
         return self._buffers[index]
 
-    def resource(self, uri: str, user: str) -> bytes:
+    def resource(self, uri: str, user: str) -> bytes | Path:
         """What a URI means: bytes in the URI itself, or a file beside this one."""
         if uri.startswith("data:"):
             head, comma, body = uri[5:].partition(",")
@@ -110,17 +110,25 @@ class Document:
                 return base64.b64decode(unquote(body), validate=True)
             except (binascii.Error, ValueError):
                 raise ValueError(f"{user}: the data URI is not base64") from None
-        name, folder = unquote(uri), self.path.parent.resolve()
         try:
-            file = (folder / name).resolve()
-            if ":" in name.partition("/")[0] or not file.is_relative_to(folder):
-                raise ValueError(f"{user}: {brief(uri)} is not a file in the folder of the scene, or below")
-            return file.read_bytes()
-        except (OSError, RuntimeError) as error:
+            return self.rules.file(unquote(uri), (), user)
+        except OSError as error:
             raise ValueError(f"{user}: cannot read {brief(uri)}: {type(error).__name__}") from None
 
+    def _bytes(self, uri: str, user: str) -> bytes:
+        """What a URI means, of files read once."""
+        source = self.resource(uri, user)
+        if isinstance(source, bytes):
+            return source
+        if source not in self._files:
+            try:
+                self._files[source] = source.read_bytes()
+            except OSError as error:
+                raise ValueError(f"{user}: cannot read {brief(uri)}: {type(error).__name__}") from None
+        return self._files[source]
 
-def _chunks(data: bytes) -> tuple[bytes, bytes | None]:
+
+def _chunks(data: bytes) -> tuple[bytes, memoryview | None]:
     """(JSON, binary chunk or None) of a GLB file."""
     if len(data) < 12:
         raise ValueError(f"a GLB file has at least 12 bytes; this has {len(data)}")
@@ -138,12 +146,12 @@ def _chunks(data: bytes) -> tuple[bytes, bytes | None]:
         size, kind = struct.unpack_from("<II", data, offset)
         if offset + 8 + size > length:
             raise ValueError(f"the chunk at byte {offset} has {size} bytes, and the file ends before")
-        chunks.append((kind, data[offset + 8 : offset + 8 + size]))
+        chunks.append((kind, memoryview(data)[offset + 8 : offset + 8 + size]))
         offset += 8 + size
     if not chunks or chunks[0][0] != JSON_CHUNK:
         raise ValueError("the first chunk is not JSON")
     binary = chunks[1][1] if len(chunks) > 1 and chunks[1][0] == BINARY_CHUNK else None
-    return chunks[0][1], binary
+    return bytes(chunks[0][1]), binary
 
 
 def _parse(text: bytes):

@@ -2,13 +2,14 @@
 
 import numpy as np
 
+from .brief import brief
 from .gltf import Document
-from .json_record import Record, brief
+from .json_record import Record
 
 COMPONENTS = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
-MOST_ZEROS = 2**28
-"""Bytes of an accessor without a buffer view, which costs a file nothing: more is taken for an error."""
+KEPT = 2
+"""How often, in float64, an array is there at a time: as it is read, and as a mesh keeps it."""
 
 
 def read_accessor(document: Document, index: int, kinds: tuple[str, ...], user: str) -> np.ndarray:
@@ -18,15 +19,16 @@ def read_accessor(document: Document, index: int, kinds: tuple[str, ...], user: 
     the array lies outside its buffer view.
     """
     accessor = document.find("accessors", index, user)
-    kind, count = accessor.text("type"), accessor.integer("count", least=1)
+    kind, count = accessor.text("type"), accessor.integer("count")
     if kind not in kinds:
         raise ValueError(f"{user} needs {' or '.join(kinds)}; {accessor.name} is {brief(kind)}")
     dtype, width = _component(accessor), WIDTHS[kind]
-    if "bufferView" in accessor:
+    if count and "bufferView" in accessor:
         array = _rows(document, accessor, dtype, width, count)
+        document.rules.charge(KEPT * 8 * width * count, accessor.name)
     else:
-        if count * width * dtype.itemsize > MOST_ZEROS:
-            raise ValueError(f"{accessor.name} has no bufferView and {count} elements, which cannot be right")
+        # Zeros that the file does not hold, and that cost it nothing.
+        document.rules.charge_objects(count, accessor.name)
         array = np.zeros((count, width), dtype)
     if "sparse" in accessor:
         array = _with_sparse(document, accessor, array)
@@ -39,11 +41,17 @@ def read_accessor(document: Document, index: int, kinds: tuple[str, ...], user: 
 
 def read_floats(document: Document, index: int, kinds: tuple[str, ...], user: str) -> np.ndarray:
     """As `read_accessor`, as float64, all finite."""
-    array = read_accessor(document, index, kinds, user).astype(np.float64)
-    if not np.isfinite(array).all():
-        i = int(np.argmin(np.isfinite(array).reshape(len(array), -1).all(axis=1)))
-        raise ValueError(f"{user}: accessors[{index}] is not finite at {i}; got {array[i].tolist()}")
+    array = read_accessor(document, index, kinds, user).astype(np.float64, copy=False)
+    require_finite(array, index, user)
     return array
+
+
+def require_finite(array: np.ndarray, index: int, user: str) -> None:
+    """ValueError that names the first row with a number that is not finite."""
+    is_finite = np.isfinite(array).all(axis=tuple(range(1, array.ndim)))
+    if not is_finite.all():
+        i = int(np.argmin(is_finite))
+        raise ValueError(f"{user}: accessors[{index}] is not finite at {i}; got {array[i].tolist()}")
 
 
 def _component(record: Record) -> np.dtype:

@@ -1,17 +1,18 @@
 """Materials and textures of glTF files."""
 
-import io
-import warnings
+import hashlib
 from dataclasses import fields, replace
+from pathlib import Path
 
 import numpy as np
-import PIL.Image
 
+from .brief import shown
 from .gltf import Document
 from .json_record import Record
 from .materials import Material
 from .pbr import material_from_pbr
-from .texture import Texture, pil_pixels
+from .picture_files import Picture, read_ruled_picture
+from .texture import Texture
 
 LINEAR, NEAREST = 9729, 9728
 WRAPS = {10497: "repeat", 33071: "clamp", 33648: "mirror"}
@@ -23,7 +24,8 @@ class Materials:
     def __init__(self, document: Document):
         self._document = document
         self._materials: dict[tuple, Material] = {}
-        self._pixels: dict[int, np.ndarray] = {}
+        self._pictures: dict[int | bytes | Path, Picture] = {}
+        """By their number, and by what they are: a path, or a hash of their bytes."""
         self._textures: dict[tuple, Texture] = {}
 
     def read(self, index: int | None, has_uvs: bool, user: str) -> Material:
@@ -53,7 +55,9 @@ class Materials:
             if has_uvs:
                 texture = self._texture(pbr.record("baseColorTexture"))
             else:
-                self._document.note(f"{user}: without texture coordinates, the texture of {record.name} is left out")
+                self._document.notes.add(
+                    "{}: without texture coordinates, the texture of its material is left out", user
+                )
         own = record.record("extras", {}) if isinstance(record.get("extras", {}), dict) else {}
         if "warprt" in own:
             own = own.record("warprt")
@@ -76,10 +80,10 @@ class Materials:
             (record, "emissiveTexture"),
         ):
             if key in part:
-                document.note(f"{record.name}: {key} is not understood and left out")
+                document.notes.add(f"{{}}: {key} is not understood and left out", record.name)
         mode = record.text("alphaMode", "OPAQUE")
         if mode != "OPAQUE":
-            document.note(f"{record.name}: alphaMode {mode} is not understood; the surface is opaque")
+            document.notes.add(f"{{}}: alphaMode {shown(mode)} is not understood; the surface is opaque", record.name)
 
     def _texture(self, use: Record) -> Texture:
         document = self._document
@@ -104,34 +108,24 @@ class Materials:
             if wrap not in WRAPS:
                 raise ValueError(f"{sampler.name}: wrapS and wrapT must be one of {', '.join(map(str, WRAPS))}")
         if wraps[0] != wraps[1]:
-            self._document.note(f"{sampler.name}: wrapT differs from wrapS, which is taken for both")
+            self._document.notes.add("{}: wrapT differs from wrapS, which is taken for both", sampler.name)
         return WRAPS[wraps[0]], "nearest" if sampler.integer("magFilter", LINEAR) == NEAREST else "linear"
 
-    def _picture(self, index: int, user: str) -> np.ndarray:
-        """(H, W, 3 or 4), row 0 on top."""
-        if index not in self._pixels:
-            image = self._document.find("images", index, user)
+    def _picture(self, index: int, user: str) -> Picture:
+        """Read once, also where several images are the same file or the same bytes."""
+        if index not in self._pictures:
+            document = self._document
+            image = document.find("images", index, user)
             if "uri" in image:
-                data = self._document.resource(image.text("uri"), image.name)
+                source = document.resource(image.text("uri"), image.name)
             else:
-                data = bytes(self._document.view(image.integer("bufferView"), image.name)[0])
-            self._pixels[index] = decoded(data, image.name)
-        return self._pixels[index]
-
-
-def decoded(data: bytes, name: str) -> np.ndarray:
-    """The pixels of a PNG, JPEG or WebP file. Raises ValueError for one that is broken, or suspiciously large."""
-    try:
-        with warnings.catch_warnings():
-            # Pillow warns of decompression bombs; and of oddities of broken files, which are no use to anyone here.
-            warnings.simplefilter("ignore")
-            warnings.simplefilter("error", PIL.Image.DecompressionBombWarning)
-            with PIL.Image.open(io.BytesIO(data)) as image:
-                return pil_pixels(image, name)
-    except Exception as error:
-        # Readers of Pillow fail in many ways on broken files.
-        reason = " ".join(f"{type(error).__name__}: {error}".split())
-        raise ValueError(f"{name}: cannot read the picture: {reason}") from None
+                source = bytes(document.view(image.integer("bufferView"), image.name)[0])
+            key = source if isinstance(source, Path) else hashlib.blake2b(source).digest()
+            if key not in self._pictures:
+                self._pictures[key] = read_ruled_picture(source, image.name, document.rules)
+            document.rules.charge(0 if isinstance(source, Path) else len(source), image.name)
+            self._pictures[index] = self._pictures[key]
+        return self._pictures[index]
 
 
 def _own_material(own: Record, texture: Texture | None) -> Material:

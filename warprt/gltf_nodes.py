@@ -4,10 +4,16 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from .brief import shown
 from .gltf import Document
 from .gltf_accessors import read_floats
 from .json_record import Record
 from .quaternions import compose
+
+NODE_BYTES = 512
+"""Memory of a node: two matrices, and what Python needs to know of it."""
+COPY_BYTES = 256
+"""Memory of the matrix of a copy, and of the numbers that it is made of."""
 
 
 def walk(document: Document) -> Iterator[tuple[Record, np.ndarray]]:
@@ -16,10 +22,12 @@ def walk(document: Document) -> Iterator[tuple[Record, np.ndarray]]:
     Raises ValueError where a node has two parents, or is its own ancestor.
     """
     nodes, parents = _tree(document)
-    world_from_node = [np.eye(4)]
-    for parent, parent_from_node in zip(parents, _parent_from_node(nodes), strict=True):
-        with np.errstate(all="ignore"):  # what overflows is found out later, if it matters
-            world_from_node.append(world_from_node[parent] @ parent_from_node)
+    document.rules.charge(NODE_BYTES * len(nodes), "the tree of nodes")
+    world_from_node = np.empty((len(nodes) + 1, 4, 4))
+    world_from_node[0] = np.eye(4)
+    with np.errstate(all="ignore"):  # what overflows is found out later, if it matters
+        for k, (parent, parent_from_node) in enumerate(zip(parents, _parent_from_node(nodes), strict=True)):
+            np.matmul(world_from_node[parent], parent_from_node, out=world_from_node[k + 1])
     return zip(nodes, world_from_node[1:], strict=True)
 
 
@@ -48,7 +56,8 @@ def _roots(document: Document) -> list[int]:
         document.note_extensions(scene)
         for other in range(len(scenes)):
             if other != number:
-                document.note(f"{document.find('scenes', other, 'scenes').name} is not shown; {scene.name} is")
+                name = document.find("scenes", other, "scenes").name
+                document.notes.add(f"{{}} is not shown; {scene.name} is", name)
         return scene.integers("nodes")
     count = len(document.root.values("nodes"))
     children = {c for i in range(count) for c in document.find("nodes", i, "nodes").integers("children")}
@@ -101,7 +110,9 @@ def copies(document: Document, node: Record) -> np.ndarray | None:
             values[key] = read_floats(document, attributes.integer(key), (kind,), f"{node.name}: {key} of its copies")
     for key in attributes:
         if key not in values:
-            document.note(f"{node.name}: the attribute {key} of its copies is not understood and left out")
+            document.notes.add(
+                f"{{}}: the attribute {shown(key)} of its copies is not understood and left out", node.name
+            )
     counts = {len(value) for value in values.values()}
     if len(counts) != 1:
         raise ValueError(
@@ -109,6 +120,7 @@ def copies(document: Document, node: Record) -> np.ndarray | None:
             f"got { ({key: len(value) for key, value in values.items()}) }"
         )
     count = counts.pop()
+    document.rules.charge(COPY_BYTES * count, f"{node.name}: its copies")
     translation = values.get("TRANSLATION", np.zeros((count, 3)))
     rotation = values.get("ROTATION", np.broadcast_to((0.0, 0.0, 0.0, 1.0), (count, 4)))
     is_zero = (rotation == 0).all(axis=1)

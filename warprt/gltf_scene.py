@@ -8,13 +8,13 @@ light of intensity 1, at distance 1, is white. A scene without lights is shown b
 """
 
 import math
-import warnings
-from pathlib import Path
 
 import numpy as np
 
+from .brief import brief
 from .camera import Camera
 from .cameras import AnyCamera, OrthographicCamera
+from .file_rules import FileRules
 from .gathering import Gathering
 from .gltf import Document
 from .gltf_meshes import Meshes
@@ -25,31 +25,36 @@ from .poses import view_of
 from .scene import Scene
 from .shape_records import shape_from_extras
 from .sky import GradientSky
+from .transform import singular
+
+PLACED_BYTES = 512
+"""Memory of a placement: its matrix, while that is gathered, checked and inverted, and its name."""
 
 
-def read_gltf(path: str | Path) -> Scene:
-    """The scene in a .glb or .gltf file; what is not understood is warned about by name.
+def read_gltf(rules: FileRules) -> Scene:
+    """The scene in a .glb or .gltf file; what is left out or not understood is warned about, a line for each kind.
 
     Raises ValueError that names the file and the object in it that is wrong.
     """
     try:
-        document = Document(path)
+        document = Document(rules)
         scene = _scene(document)
-    except (ValueError, MemoryError) as error:
-        raise ValueError(f"{path}: {error}") from None
-    for note in document.notes:
-        warnings.warn(f"{path}: {note}", stacklevel=3)
+    except MemoryError as error:
+        raise ValueError(f"{rules.path}: it does not fit into memory {error}".rstrip()) from None
+    except ValueError as error:
+        raise ValueError(f"{rules.path}: {error}") from None
+    document.notes.warn(str(rules.path), stacklevel=3)
     return scene
 
 
 def _scene(document: Document) -> Scene:
     own = _own(document)
-    meshes, gathering = Meshes(document), Gathering(keeps_order=own is not None)
+    meshes, gathering = Meshes(document), Gathering(document.notes, keeps_order=own is not None)
     cameras, lights = [], []
     for node, world_from_node in walk(document):
         document.note_extensions(node)
         if "skin" in node:
-            document.note(f"{node.name}: its skin is not understood; the mesh stays as it is")
+            document.notes.add("{}: its skin is not understood; the mesh stays as it is", node.name)
         if "mesh" in node:
             _place(document, meshes, gathering, node, world_from_node)
         elif (plane := shape_from_extras(node)) is not None:
@@ -60,9 +65,10 @@ def _scene(document: Document) -> Scene:
         extension = node.record("extensions", {})
         if "KHR_lights_punctual" in extension:
             number = extension.record("KHR_lights_punctual").integer("light")
-            lights.append(_light(document, node, number, world_from_node))
+            light = _light(document, node, number, world_from_node)
+            lights += [] if light is None else [light]
     for animation in range(len(document.root.values("animations"))):
-        document.note(f"{document.find('animations', animation, 'animations').name} is not played")
+        document.notes.add("{} is not played", document.find("animations", animation, "animations").name)
     document.note_other_extensions()
     camera = _first_camera(document, cameras)
     background = (0.0, 0.0, 0.0)
@@ -81,6 +87,8 @@ def _place(document: Document, meshes: Meshes, gathering: Gathering, node: Recor
         placed = world_from_node[None] if node_from_copy is None else world_from_node @ node_from_copy
     names = _names(node, len(placed))
     for shape, material in meshes.read(node.integer("mesh"), node.name):
+        document.rules.charge_objects(len(placed), node.name)
+        document.rules.charge(PLACED_BYTES * len(placed), node.name)
         gathering.add(shape, material, placed, names)
 
 
@@ -102,7 +110,8 @@ def _title(node: Record) -> str:
 
 def _light(
     document: Document, node: Record, number: int, world_from_node: np.ndarray
-) -> PointLight | SpotLight | DirectionalLight:
+) -> PointLight | SpotLight | DirectionalLight | None:
+    """A light; None of one that shines along an axis which is scaled to 0. A scale dims no light."""
     lights = document.root.record("extensions", {}).record("KHR_lights_punctual", {}).records("lights")
     if number >= len(lights):
         raise ValueError(f"{node.name} refers to lights[{number}]; there are {len(lights)}")
@@ -111,9 +120,12 @@ def _light(
     color = light.numbers("color", 3, (1, 1, 1)) * light.number("intensity", 1.0)
     kind = light.text("type")
     if kind not in ("point", "spot", "directional"):
-        raise ValueError(f"{light.name}: type must be point, spot or directional; got {kind!r}")
+        raise ValueError(f"{light.name}: type must be point, spot or directional; got {brief(kind)}")
     if "range" in light:
-        document.note(f"{light.name}: range is not understood; the light reaches everywhere")
+        document.notes.add("{}: range is not understood; the light reaches everywhere", light.name)
+    if kind != "point" and not world_from_node[:3, 2].any():
+        document.notes.add("{}: its matrix is singular, as with a scale of 0, so its light is left out", node.name)
+        return None
     try:
         if kind == "directional":
             return DirectionalLight(-world_from_node[:3, 2], color)
@@ -140,7 +152,10 @@ def _first_camera(document: Document, cameras: list) -> AnyCamera | None:
     for node, camera, world_from_camera in cameras:
         document.note_extensions(camera)
         if found is not None:
-            document.note(f"{camera.name} is left out; the scene is seen by the first camera")
+            document.notes.add("{} is left out; the scene is seen by the first camera", camera.name)
+            continue
+        if np.isfinite(world_from_camera).all() and singular(world_from_camera[None, :3, :3])[0]:
+            document.notes.add("{}: its matrix is singular, as with a scale of 0, so its camera is left out", node.name)
             continue
         try:
             found = _camera(camera, view_of(world_from_camera))
@@ -156,7 +171,7 @@ def _camera(camera: Record, view: tuple) -> AnyCamera:
         return Camera(*view, math.degrees(camera.record("perspective").number("yfov")))
     if kind == "orthographic":
         return OrthographicCamera(*view, 2 * camera.record("orthographic").number("ymag"))
-    raise ValueError(f"{camera.name}: type must be perspective or orthographic; got {kind!r}")
+    raise ValueError(f"{camera.name}: type must be perspective or orthographic; got {brief(kind)}")
 
 
 def _own(document: Document) -> Record | None:

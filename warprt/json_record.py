@@ -4,25 +4,28 @@ import math
 
 import numpy as np
 
+from .brief import brief
+
+MOST = 2**53
+"""Integers of JSON beyond it are not exact in every reader."""
 _REQUIRED = object()
-
-
-def brief(value) -> str:
-    """A value as an error shows it."""
-    text = repr(value)
-    return text if len(text) <= 80 else f"{text[:77]}..."
 
 
 class Record:
     """A JSON object that knows its name; each method reads one member, or raises ValueError that names it."""
 
+    __slots__ = ("_place", "_value")
+
     def __init__(self, value, name: str):
         if not isinstance(value, dict):
             raise ValueError(f"{name} must be an object; got {brief(value)}")
-        self._value = value
-        given = value.get("name")
-        self.name = f"{name} {brief(given)}" if isinstance(given, str) and given else name
+        self._value, self._place = value, name
+
+    @property
+    def name(self) -> str:
         """Where the object stands in its file, and the name that the file gives it."""
+        given = self._value.get("name")
+        return f"{self._place} {brief(given)}" if isinstance(given, str) and given else self._place
 
     def __contains__(self, key: str) -> bool:
         return key in self._value
@@ -42,7 +45,7 @@ class Record:
         value = self.get(key, default)
         if value is default:
             return value
-        if not _is_integer(value) or value < least:
+        if not _is_integer(value) or not least <= value <= MOST:
             raise ValueError(f"{self.name}: {key} must be an integer of at least {least}; got {brief(value)}")
         return int(value)
 
@@ -99,7 +102,7 @@ class Record:
     def integers(self, key: str) -> list[int]:
         """A list of integers of at least 0, empty by default."""
         values = self.values(key)
-        if not all(_is_integer(value) and value >= 0 for value in values):
+        if not all(_is_integer(value) and 0 <= value <= MOST for value in values):
             raise ValueError(f"{self.name}: {key} must be integers of at least 0; got {brief(values)}")
         return [int(value) for value in values]
 

@@ -7,6 +7,16 @@ import numpy as np
 from .mesh import Mesh
 
 
+def without_unused(values: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """Rows for vertices in which those that no face uses, and that are not finite, are 0: they can't matter."""
+    is_bad = ~np.isfinite(values).all(axis=1)
+    if not is_bad.any():
+        return values
+    is_used = np.zeros(len(values), dtype=bool)
+    is_used[faces[(faces >= 0) & (faces < len(values))]] = True
+    return np.where((is_bad & ~is_used)[:, None], 0.0, values)
+
+
 class MeshStore:
     """Makes meshes, and gives back an earlier one where all that it is made of is equal, bit for bit."""
 

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from . import gltf
 from .cfg import read_cfg
+from .file_rules import FileRules
 from .gltf_scene import read_gltf
 from .lights import daylight
 from .materials import Material
@@ -28,32 +29,36 @@ def find_scene(name: str | Path) -> Path:
     """The file that a path or the name of a ready scene means. Raises FileNotFoundError when there is none."""
     if not isinstance(name, (str, Path)):
         raise ValueError(f"a scene is a path or a name; got {name!r}")
-    path = Path(name)
-    if path.is_file():
-        return path
-    ready = ready_scenes()
-    if str(name) in ready:
+    path, ready = Path(name), ready_scenes()
+    if str(name) in ready and not path.is_file():
         return ready[str(name)]
+    if "\0" not in str(name) and path.exists():
+        return path
     raise FileNotFoundError(f"there is no scene {str(name)!r}: no such file, and the ready ones are {', '.join(ready)}")
 
 
-def load_scene(path: str | Path, **options) -> Scene:
+def load_scene(path: str | Path, trust: bool = False, **options) -> Scene:
     """A scene from a file, or a ready one by its name.
 
-    .py: what its function scene(**options) returns, as in `load_scene("balls", size=5)`. .cfg: see `warprt.cfg`. .glb
-    and .gltf: see `warprt.gltf_scene`. Meshes (.obj .ply .stl .off): an instance for each material of the file, lit and
-    framed. Raises FileNotFoundError, or ValueError that names the file and what is wrong with it.
+    .py: what its function scene(**options) returns, as in `load_scene("balls", size=5)`; it is a program, which may do
+    anything. .cfg: see `warprt.cfg`. .glb and .gltf: see `warprt.gltf_scene`. Meshes (.obj .ply .stl .off): an instance
+    for each material of the file, lit and framed.
+
+    What is no program reads files of known kinds in its own folder or below only, and makes no more memory and objects
+    of its bytes than any honest file does; `trust=True` lifts both.
+
+    Raises FileNotFoundError, or ValueError that names the file and what is wrong with it.
     """
     path = find_scene(path)
-    suffix = path.suffix.lower()
+    rules, suffix = FileRules(path, trust), path.suffix.lower()
     if suffix == ".py":
         return _python_scene(path, options)
     if options:
         raise ValueError(f"{path}: only scenes in Python take options; got {', '.join(options)}")
     if suffix == ".cfg":
-        return read_cfg(path)
+        return read_cfg(rules)
     if suffix in gltf.SUFFIXES:
-        return read_gltf(path)
+        return read_gltf(rules)
     if suffix in SUFFIXES:
         return _mesh_scene(path)
     kinds = (".py", ".cfg", *gltf.SUFFIXES, *SUFFIXES)

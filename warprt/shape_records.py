@@ -1,12 +1,12 @@
 """Exact shapes beside the triangles that stand for them in a glTF file: {"warprt": {"shape": "Sphere", ...}}."""
 
-from collections.abc import Callable
-
 import numpy as np
 
 from . import shapes
+from .brief import brief
 from .json_record import Record
 from .mesh import Mesh
+from .notes import Notes
 from .scene import Shape
 
 MEMBERS = {
@@ -37,12 +37,12 @@ def shape_from_extras(record: Record) -> Shape | None:
     own = Record(own, f"{record.name}: extras.warprt")
     kind = own.text("shape")
     if kind not in MEMBERS:
-        raise ValueError(f"{own.name}: shape must be one of {', '.join(MEMBERS)}; got {kind!r}")
+        raise ValueError(f"{own.name}: shape must be one of {', '.join(MEMBERS)}; got {brief(kind)}")
     values = {k: own.numbers(k, n) if n > 1 else own.number(k) for k, n in MEMBERS[kind].items()}
     return getattr(shapes, kind)(**values)
 
 
-def shape_from_record(record: Record, mesh: Mesh, note: Callable[[str], None]) -> Shape:
+def shape_from_record(record: Record, mesh: Mesh, notes: Notes) -> Shape:
     """The exact shape for which the triangles stand, unless another program has changed them since."""
     shape = shape_from_extras(record)
     if shape is None or shape.bounds is None:
@@ -51,6 +51,6 @@ def shape_from_record(record: Record, mesh: Mesh, note: Callable[[str], None]) -
     size = np.ptp(expected, axis=0).max() + 2.0**-10 * np.abs(expected).max()
     # What stands for a round shape has its extremes along the axes, up to rounding to float32.
     if np.abs(given - expected).max() > 2.0**-10 * size:
-        note(f"{record.name}: its triangles no longer stand for the {type(shape).__name__} in its extras")
+        notes.add(f"{{}}: its triangles no longer stand for the {type(shape).__name__} in its extras", record.name)
         return mesh
     return shape

@@ -20,18 +20,21 @@ def pack_textures(textures: list[Texture], device: wp.Device) -> tuple[np.ndarra
 
     Raises MemoryError for more than fit.
     """
-    counts = [texture.size[0] * texture.size[1] * (1 if _is_8_bit(texture) else 3) for texture in textures]
+    # Pictures that several textures share are stored once.
+    kept = {(id(texture.pixels), texture.is_srgb): texture for texture in textures}
+    counts = [texture.size[0] * texture.size[1] * (1 if _is_8_bit(texture) else 3) for texture in kept.values()]
     first = np.concatenate([[0], np.cumsum(counts, dtype=np.int64)])
+    place = dict(zip(kept, first, strict=False))
     if first[-1] > MOST_WORDS or 4 * first[-1] > 0.8 * available_bytes(device):
         raise MemoryError(f"textures of {4 * first[-1] / 2**30:.3g} GiB in all do not fit on {device.alias}")
     records = np.zeros(len(textures), dtype=texture_struct().numpy_dtype())
-    records["first"] = first[:-1]
+    records["first"] = [place[id(texture.pixels), texture.is_srgb] for texture in textures]
     records["width"], records["height"] = np.transpose([texture.size for texture in textures])
     records["wrap"] = [int(Wrap[texture.wrap.upper()]) for texture in textures]
     records["is_nearest"] = [texture.filter == "nearest" for texture in textures]
     records["table"] = [(0 if texture.is_srgb else 256) if _is_8_bit(texture) else -1 for texture in textures]
     words = np.zeros(first[-1], dtype=np.uint32)
-    for k, texture in enumerate(textures):
+    for k, texture in enumerate(kept.values()):
         _fill(words[first[k] : first[k + 1]], texture)
     texels = wp.array(words, dtype=wp.uint32, device=device, copy=False)
     return records, texels, wp.array(LEVELS, dtype=wp.float32, device=device)

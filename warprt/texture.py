@@ -7,6 +7,7 @@ import numpy as np
 import PIL.Image
 
 from . import checks
+from .picture_files import Picture, picture_of, read_picture
 from .typing import ArrayLike
 
 WRAPS = ("repeat", "clamp", "mirror")
@@ -18,15 +19,16 @@ MOST_SQUARES = 4096
 class Texture:
     """A picture that multiplies the colours of a material, laid over a mesh by its uvs.
 
-    pixels: (H, W, 3) or (H, W, 4) uint8, or floats of at least 0, row 0 on top, or the path of a picture; the fourth
-    channel, alpha, is ignored. Texture coordinates are (u, v) with u to the right and v up: (0, 0) is the lower left
-    corner of the picture and (1, 1) its upper right one; texels have their centres at ((i + 1/2) / W, (j + 1/2) / H),
-    between which linear light is interpolated bilinearly, unless `filter` says otherwise.
+    pixels: (H, W, 3) or (H, W, 4) uint8, or floats of at least 0, row 0 on top, or the path of a picture, or a Pillow
+    image; the fourth channel, alpha, is ignored. Texture coordinates are (u, v) with u to the right and v up: (0, 0) is
+    the lower left corner of the picture and (1, 1) its upper right one; texels have their centres at
+    ((i + 1/2) / W, (j + 1/2) / H), between which linear light is interpolated bilinearly, unless `filter` says
+    otherwise.
 
     Raises ValueError for other shapes, types and values, FileNotFoundError when there is no such file.
     """
 
-    pixels: ArrayLike | str | Path
+    pixels: ArrayLike | str | Path | PIL.Image.Image
     is_srgb: bool | None = None
     """Whether values are sRGB, or else linear light. None: uint8 is sRGB, floats are linear."""
     wrap: str = "repeat"
@@ -35,8 +37,7 @@ class Texture:
     """What lies between the centres of texels: "linear" light, or "nearest", the texel as a square of one colour."""
 
     def __post_init__(self):
-        pixels = self.pixels
-        pixels = read_picture(pixels) if isinstance(pixels, (str, Path)) else _checked_pixels(pixels)
+        pixels = _pixels(self.pixels)
         if self.is_srgb not in (None, True, False):
             raise ValueError(f"Texture is_srgb must be True, False or None; got {self.is_srgb!r}")
         if not isinstance(self.wrap, str) or self.wrap not in WRAPS:
@@ -63,14 +64,14 @@ class Texture:
         cls, path: str | Path, is_srgb: bool | None = None, wrap: str = "repeat", filter: str = "linear"
     ) -> "Texture":
         """A picture of any kind that Pillow reads. Raises FileNotFoundError, or ValueError if it cannot be read."""
-        return cls(read_picture(path), is_srgb, wrap, filter)
+        return cls(Path(path), is_srgb, wrap, filter)
 
     @classmethod
     def from_pil(
         cls, image: PIL.Image.Image, is_srgb: bool | None = None, wrap: str = "repeat", filter: str = "linear"
     ) -> "Texture":
         """A Pillow image. Raises ValueError if its file turns out to be broken."""
-        return cls(pil_pixels(image, "the picture"), is_srgb, wrap, filter)
+        return cls(image, is_srgb, wrap, filter)
 
     @classmethod
     def checker(
@@ -93,33 +94,13 @@ def linear(encoded: np.ndarray) -> np.ndarray:
     return np.where(x <= 0.04045, x / 12.92, np.power((x + 0.055) / 1.055, 2.4))
 
 
-def read_picture(path: str | Path) -> np.ndarray:
-    """(H, W, 3 or 4) uint8, row 0 on top, of a file; floats of one with 16 bits of grey."""
-    path = Path(path)
-    if not path.is_file():
-        raise FileNotFoundError(f"there is no file {path}")
-    try:
-        image = PIL.Image.open(path)
-    except Exception as error:
-        # Readers of Pillow fail in many ways on broken files.
-        raise ValueError(f"cannot read {path} as a picture: {_one_line(error)}") from None
-    with image:
-        return pil_pixels(image, path)
-
-
-def pil_pixels(image: PIL.Image.Image, name) -> np.ndarray:
-    """The pixels of a Pillow image, whose file may turn out to be broken."""
-    try:
-        if image.mode.startswith("I"):  # up to 16 bits of grey, which "RGB" would cut off
-            grey = np.asarray(image, np.float64)[..., None] / 65535
-            return _checked_pixels(np.repeat(grey, 3, axis=2))
-        return _checked_pixels(np.asarray(image if image.mode in ("RGB", "RGBA") else image.convert("RGB")))
-    except Exception as error:
-        raise ValueError(f"cannot read {name} as a picture: {_one_line(error)}") from None
-
-
-def _one_line(error: Exception) -> str:
-    return " ".join(f"{type(error).__name__}: {error}".split())
+def _pixels(value) -> np.ndarray:
+    """Pixels that a texture may keep."""
+    if isinstance(value, (str, Path)):
+        value = read_picture(value)
+    elif isinstance(value, PIL.Image.Image):
+        value = picture_of(value, "the picture")
+    return value.pixels if isinstance(value, Picture) else _checked_pixels(value)
 
 
 def _checked_pixels(value: ArrayLike) -> np.ndarray:

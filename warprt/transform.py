@@ -39,11 +39,20 @@ def inverse_linear(linear: np.ndarray, name: str) -> np.ndarray:
     A matrix counts as singular when its condition number, after rows and columns have been scaled to like size, is
     above 2^50: then a change of the last bits of its elements could make it so.
     """
-    inverse, condition = inverses(linear)
-    with np.errstate(invalid="ignore"):
-        is_singular = ~(condition < MOST_CONDITION) | ~np.isfinite(inverse).all(axis=(1, 2))
+    inverse, is_singular = _inverted(linear)
     raise_first(is_singular, linear, name, "is singular", True)
     return inverse
+
+
+def singular(linear: np.ndarray) -> np.ndarray:
+    """(N,) bool: which of (N, 3, 3) finite matrices `inverse_linear` would refuse."""
+    return _inverted(linear)[1]
+
+
+def _inverted(linear: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    inverse, condition = inverses(linear)
+    with np.errstate(invalid="ignore"):
+        return inverse, ~(condition < MOST_CONDITION) | ~np.isfinite(inverse).all(axis=(1, 2))
 
 
 class Transform:

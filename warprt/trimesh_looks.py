@@ -5,8 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from .materials import Material
+from .notes import Notes
 from .pbr import material_from_pbr
-from .texture import Texture, linear, pil_pixels
+from .picture_files import picture_of
+from .texture import Texture, linear
 from .visuals import coated
 
 UNSAID = (102, 102, 102)
@@ -25,7 +27,7 @@ class Look:
     """Whether there were colours of vertices or faces, all the same: they are in the material."""
 
 
-def look_of(geometry, name: str, notes: dict[str, None]) -> Look:
+def look_of(geometry, name: str, notes: Notes) -> Look:
     """Colours of vertices and faces are sRGB; those of materials are linear, as glTF has them."""
     visual = getattr(geometry, "visual", None)
     kind = getattr(visual, "kind", None)
@@ -34,7 +36,7 @@ def look_of(geometry, name: str, notes: dict[str, None]) -> Look:
     if kind in ("vertex", "face"):
         given = np.asarray(visual.vertex_colors if kind == "vertex" else visual.face_colors)
         if (given[:, 3] < 255).any():
-            notes[f"the geometry {name!r} is transparent, which is not understood; it is opaque"] = None
+            notes.add("the geometry {} is transparent, which is not understood; it is opaque", repr(name))
         given = given[:, :3]
         if len(given) and (given == given[0]).all():
             return Look(Material(linear(given[0] / 255)), is_uniform=True)
@@ -42,19 +44,19 @@ def look_of(geometry, name: str, notes: dict[str, None]) -> Look:
     return Look(Material())
 
 
-def _textured(geometry, name: str, notes: dict[str, None]) -> Look:
+def _textured(geometry, name: str, notes: Notes) -> Look:
     visual = geometry.visual
     material = visual.material
     if type(material).__name__ == "MultiMaterial":
-        notes[f"the geometry {name!r} has several materials; it gets the first"] = None
+        notes.add("the geometry {} has several materials; it gets the first", repr(name))
         material = next(iter(material.materials), None)
     base, metallic, roughness, image = _surface(material, name, notes)
     texture, uvs = None, coated(geometry).uvs
     if image is not None:
         if uvs is None:
-            notes[f"the geometry {name!r} has no texture coordinates, so its texture is left out"] = None
+            notes.add("the geometry {} has no texture coordinates, so its texture is left out", repr(name))
         else:
-            texture = Texture(pil_pixels(image, "its texture"), is_srgb=True)
+            texture = Texture(picture_of(image, "its texture"), is_srgb=True)
     colors = visual.vertex_attributes.get("color")
     if colors is not None:
         colors = np.asarray(colors)
@@ -64,7 +66,7 @@ def _textured(geometry, name: str, notes: dict[str, None]) -> Look:
     return Look(material_from_pbr(base, metallic, roughness, texture), texture is not None, colors)
 
 
-def _surface(material, name: str, notes: dict[str, None]):
+def _surface(material, name: str, notes: Notes):
     """(base colour, metallic, roughness, image or None) of a material of trimesh."""
     if material is None:
         return Material().diffuse, 0.0, 1.0, None
@@ -89,15 +91,17 @@ def _surface(material, name: str, notes: dict[str, None]):
     return base, 0.0, 1.0, image
 
 
-def _note_pbr(material, name: str, notes: dict[str, None]) -> None:
+def _note_pbr(material, name: str, notes: Notes) -> None:
     """Notes what our materials have no word for."""
     for key in ("metallicRoughnessTexture", "normalTexture", "occlusionTexture", "emissiveTexture"):
         if getattr(material, key) is not None:
-            notes[f"the {key} of the geometry {name!r} is not understood and left out"] = None
+            notes.add(f"the {key} of the geometry {{}} is not understood and left out", repr(name))
     if material.emissiveFactor is not None and np.any(material.emissiveFactor):
-        notes[f"the emissiveFactor of the geometry {name!r} is not understood; the surface gives no light"] = None
+        notes.add("the emissiveFactor of the geometry {} is not understood; the surface gives no light", repr(name))
     if material.alphaMode not in (None, "OPAQUE"):
-        notes[f"the alphaMode {material.alphaMode} of the geometry {name!r} is not understood; it is opaque"] = None
+        notes.add(
+            f"the alphaMode {material.alphaMode} of the geometry {{}} is not understood; it is opaque", repr(name)
+        )
 
 
 def _is_placeholder(image) -> bool:

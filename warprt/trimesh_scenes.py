@@ -6,7 +6,6 @@ camera keeps its vertical field of view. Lights give their colour times their in
 square of the distance; a scene without lights is shown by daylight.
 """
 
-import warnings
 from functools import partial
 
 import numpy as np
@@ -14,10 +13,12 @@ import numpy as np
 from .camera import Camera
 from .gathering import Gathering
 from .lights import DirectionalLight, PointLight, SpotLight, daylight
-from .mesh_store import MeshStore
+from .mesh_store import MeshStore, without_unused
+from .notes import Notes
 from .poses import view_of
 from .scene import Scene, Shape
 from .shapes import Box, Capsule, Cylinder, Sphere
+from .transform import singular
 from .trimesh_looks import Look, look_of
 from .visuals import coated
 
@@ -33,16 +34,14 @@ def scene_from_trimesh(scene) -> Scene:
         scene = trimesh.Scene({"mesh": scene})
     if not isinstance(scene, trimesh.Scene):
         raise ValueError(f"Scene.from_trimesh needs a trimesh.Scene or Trimesh; got {type(scene).__name__}")
-    notes: dict[str, None] = {}
-    reader = _Reader(scene, notes)
-    result = reader.read()
-    for note in notes:
-        warnings.warn(f"Scene.from_trimesh: {note}", stacklevel=3)
+    notes = Notes()
+    result = _Reader(scene, notes).read()
+    notes.warn("Scene.from_trimesh", stacklevel=3)
     return result
 
 
 class _Reader:
-    def __init__(self, scene, notes: dict[str, None]):
+    def __init__(self, scene, notes: Notes):
         self._scene, self._notes = scene, notes
         self._poses = Poses(scene.graph)
         self._store = MeshStore()
@@ -50,7 +49,7 @@ class _Reader:
         self._parts: dict[int, tuple | None] = {}
 
     def read(self) -> Scene:
-        gathering = Gathering()
+        gathering = Gathering(self._notes)
         for node, data in self._scene.graph.transforms.node_data.items():
             if "geometry" not in data:
                 continue
@@ -69,7 +68,7 @@ class _Reader:
         return Scene(gathering.objects(), lights, self._camera(), background, gathering.names())
 
     def _part(self, name: str, geometry) -> tuple[Shape, Look, np.ndarray] | None:
-        """(shape, look, node_from_shape), made once for each geometry; None for one that is no mesh."""
+        """(shape, look, node_from_shape), made once for each geometry; None for what is no mesh, or empty."""
         key = id(geometry)
         if key not in self._parts:
             if hasattr(geometry, "faces") and hasattr(geometry, "vertices"):
@@ -78,26 +77,29 @@ class _Reader:
                 except ValueError as error:
                     raise ValueError(f"geometry {name!r}: {error}") from None
             else:
-                self._notes[f"the geometry {name!r} is a {type(geometry).__name__}, not a mesh, and left out"] = None
+                kind = type(geometry).__name__
+                self._notes.add(f"the geometry {{}} is a {kind}, not a mesh, and left out", repr(name))
                 self._parts[key] = None
         return self._parts[key]
 
-    def _made(self, name: str, geometry) -> tuple[Shape, Look, np.ndarray]:
+    def _made(self, name: str, geometry) -> tuple[Shape, Look, np.ndarray] | None:
+        primitive = exact_shape(geometry)
+        if primitive is None and len(geometry.faces) == 0:
+            self._notes.add("the geometry {} has no faces and is left out", repr(name))
+            return None
         look = look_of(geometry, name, self._notes)
-        exact = exact_shape(geometry) if not look.has_uvs and look.colors is None else None
-        if exact is not None:
-            key, make, node_from_shape = exact
+        if primitive is not None and not look.has_uvs and look.colors is None:
+            key, make, node_from_shape = primitive
             if key not in self._shapes:
                 self._shapes[key] = make()
             return self._shapes[key], look, node_from_shape
-        if len(geometry.faces) == 0:
-            raise ValueError("the mesh has no faces")
         vertices, faces, uvs, colors = coated(geometry)
         if look.is_uniform:
             # Cut at no edge of colour, so that it equals the mesh in other colours.
             vertices, faces, colors = geometry.vertices, geometry.faces, None
         elif look.colors is not None:
             colors = look.colors
+        vertices = without_unused(np.asarray(vertices), np.asarray(faces))
         mesh = self._store.mesh(vertices, faces, uvs=uvs if look.has_uvs else None, colors=colors)
         return mesh, look, np.eye(4)
 
@@ -106,6 +108,9 @@ class _Reader:
             return None
         camera = self._scene.camera
         pose = self._poses.world_from_node(camera.name) if camera.name in self._scene.graph else np.eye(4)
+        if np.isfinite(pose).all() and singular(pose[None, :3, :3])[0]:
+            self._notes.add("camera {}: its matrix is singular, so it is left out", repr(camera.name))
+            return None
         try:
             return Camera(*view_of(pose), float(camera.fov[1]))
         except ValueError as error:
@@ -116,16 +121,19 @@ class _Reader:
         lights = getattr(self._scene, "_lights", None) or []
         if all(tuple(light.color) == AUTOMATIC and light.intensity == 1 for light in lights):
             return []
-        return [self._light(light) for light in lights]
+        return [made for light in lights if (made := self._light(light)) is not None]
 
-    def _light(self, light) -> PointLight | SpotLight | DirectionalLight:
+    def _light(self, light) -> PointLight | SpotLight | DirectionalLight | None:
         kind = type(light).__name__
         if kind not in ("PointLight", "SpotLight", "DirectionalLight"):
             raise ValueError(f"light {light.name!r} is a {kind}, which is not understood")
         pose = self._poses.world_from_node(light.name) if light.name in self._scene.graph else np.eye(4)
         color = np.asarray(light.color[:3], np.float64) / 255 * light.intensity
         if light.radius is not None:
-            self._notes[f"the radius of the light {light.name!r} is not understood; it reaches everywhere"] = None
+            self._notes.add("the radius of the light {} is not understood; it reaches everywhere", repr(light.name))
+        if kind != "PointLight" and not pose[:3, 2].any():
+            self._notes.add("light {}: its matrix is singular, so it is left out", repr(light.name))
+            return None
         try:
             if kind == "DirectionalLight":
                 return DirectionalLight(-pose[:3, 2], color)
@@ -150,7 +158,7 @@ class Poses:
         self._add_ancestors()
 
     def _add_ancestors(self) -> None:
-        """The base need not be a root: what stands above it is placed by inverses."""
+        """The base need not be a root: what stands above it is placed by inverses, and left out if there is none."""
         node, base_from_node = self._base, np.eye(4)
         for _ in range(len(self._forest.parents)):
             parent = self._forest.parents.get(node)
@@ -159,7 +167,7 @@ class Poses:
             try:
                 base_from_node = base_from_node @ np.linalg.inv(self._matrix(parent, node))
             except np.linalg.LinAlgError:
-                raise ValueError(f"node {node!r}: its matrix is singular") from None
+                base_from_node = np.diag([0.0, 0.0, 0.0, 1.0])
             self._poses[parent] = base_from_node
             node = parent
 
