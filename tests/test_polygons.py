@@ -59,7 +59,9 @@ def crosses(a, b, c, d) -> bool:
     """Whether two closed segments have a point in common."""
     if side(a, b, c) != side(a, b, d) and side(c, d, a) != side(c, d, b):
         return True
-    return any(side(*e, p) == 0 and min(e) <= p <= max(e) for e, p in (((a, b), c), ((a, b), d), ((c, d), a), ((c, d), b)))
+    return any(
+        side(*e, p) == 0 and min(e) <= p <= max(e) for e, p in (((a, b), c), ((a, b), d), ((c, d), a), ((c, d), b))
+    )
 
 
 def fits(points, i: int, j: int) -> bool:
@@ -232,7 +234,9 @@ def test_triangles_of_polygons_stand_together_in_order():
 @pytest.mark.parametrize("offset", [0, 500_000])
 def test_size_and_place_do_not_matter(scale, offset):
     points = comb(4)
-    faces = triangles((np.array([(x, y, x) for x, y in points]) + offset) * scale, np.arange(len(points)), np.array([len(points)]))
+    faces = triangles(
+        (np.array([(x, y, x) for x, y in points]) + offset) * scale, np.arange(len(points)), np.array([len(points)])
+    )
     require_cover(points, faces)
 
 
@@ -250,6 +254,6 @@ def test_effort_has_an_end(monkeypatch):
     monkeypatch.setattr(ears, "FREE_COST", 10_000)
     monkeypatch.setattr(ears, "COST_PER_CORNER", 0)
     points = np.array([(x, y, 0) for x, y in comb(20)], float)
-    with pytest.raises(ValueError, match="takes too long; .*trust=True"):
+    with pytest.raises(ValueError, match=r"takes too long; .*trust=True"):
         triangles(points, np.arange(len(points)), np.array([len(points)]))
     assert len(triangles(points, np.arange(len(points)), np.array([len(points)]), is_limited=False)) == len(points) - 2

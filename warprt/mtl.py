@@ -1,17 +1,24 @@
 """Material files of OBJ files: the diffuse colour and its picture."""
 
 import io
+import re
+from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
-from .file_rules import FileRules
+from .brief import brief
+from .file_rules import ADVICE, FileRules
 from .materials import Material
 from .mesh_part import warn
-from .pictures import PICTURE_SUFFIXES, read_picture
-from .text_numbers import brief, name, plain
+from .picture_files import SUFFIXES as PICTURE_SUFFIXES
+from .picture_files import read_ruled_picture
+from .text_numbers import name, plain
 from .texture import Texture
 
 SUFFIXES = (".mtl",)
+MOST_NAMES = 1000
+"""Material files that a file may name without trust: each is looked for."""
+_ENDS = re.compile(r"(?<=\.mtl) +", re.IGNORECASE)
 _NUMBERS = {"-o": 3, "-s": 3, "-t": 3}
 """Options of map_Kd with up to so many numbers behind them; those named below have as many words."""
 _WORDS = {"-blendu": 1, "-blendv": 1, "-bm": 1, "-boost": 1, "-cc": 1, "-clamp": 1, "-imfchan": 1, "-mm": 2}
@@ -55,21 +62,20 @@ class MaterialLibrary:
     def _paths(self) -> list[Path]:
         """Files, each once. One that is missing is not missed: many an OBJ file goes without."""
         found: dict[Path, Path] = {}
-        for line in self._names:
-            # Names may have spaces; or several may stand on a line.
-            for given in dict.fromkeys([line, *line.split()]):
-                try:
-                    path = self._rules.file(given.replace("\\", "/"), SUFFIXES, "mtllib")
-                except FileNotFoundError:
-                    continue
-                except ValueError:
-                    if given == line and line.split() != [line]:
-                        continue
-                    raise
-                found.setdefault(path.resolve(), path)
-                if given == line:
-                    break
+        for number, given in enumerate(self._given()):
+            if number == MOST_NAMES and not self._rules.is_trusted:
+                raise ValueError(f"mtllib names more than {MOST_NAMES} files; {ADVICE}")
+            try:
+                path = self._rules.file(given.replace("\\", "/"), SUFFIXES, "mtllib")
+            except FileNotFoundError:
+                continue
+            found.setdefault(path.resolve(), path)
         return list(found.values())
+
+    def _given(self) -> Iterator[str]:
+        """Several names may stand on a line, each of which ends with .mtl; so names may have spaces."""
+        for line in self._names:
+            yield from (part for part in _ENDS.split(line) if part and not part.startswith("#"))
 
     def _color(self, material: str, look: _Look) -> float | list[float]:
         """Three numbers, or one of grey."""
@@ -94,7 +100,7 @@ class MaterialLibrary:
             raise ValueError(f"there is no picture {brief(picture)}, which {look.library.name} asks for") from None
         key = path.resolve()
         if key not in self._textures:
-            self._textures[key] = Texture(read_picture(path, self._rules))
+            self._textures[key] = Texture(read_ruled_picture(path, what, self._rules))
         return self._textures[key]
 
 

@@ -7,10 +7,11 @@ from itertools import chain
 
 import numpy as np
 
+from .brief import brief
 from .file_rules import FileRules
 from .mesh_part import PART_BYTES, Part, Polygons, levels, warn
 from .mtl import MaterialLibrary
-from .text_numbers import brief, integers, name, number_rows, plain, word_blocks
+from .text_numbers import integers, name, number_rows, plain, word_blocks
 from .visuals import Coated, level_light
 
 _COMMENT = re.compile(rb"^ *#[^\n]*", re.MULTILINE)
@@ -104,7 +105,7 @@ def _faces(statements: _Statements, vertex_count: int, uv_count: int) -> tuple[n
 
 
 def _pairs(words: list[str]) -> np.ndarray:
-    """(C, 2) numbers of vertex and texture coordinate as they stand in v, v/t, v//n and v/t/n; 0 where there is none."""
+    """(C, 2) vertices and texture coordinates of corners written v, v/t, v//n or v/t/n; 0 where there is none."""
     counts = [word.count("/") for word in words]
     most = max(counts, default=0)
     if most > 2:

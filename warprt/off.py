@@ -7,9 +7,10 @@ from itertools import islice
 
 import numpy as np
 
+from .brief import brief
 from .file_rules import FileRules
 from .mesh_part import Part, Polygons
-from .text_numbers import brief, integers, number_rows, plain, word_blocks
+from .text_numbers import integers, name, number_rows, plain, word_blocks
 from .visuals import Coated
 
 _KEY = re.compile(rb"(?:ST)?C?N?4?OFF(?![A-Za-z])")
@@ -22,7 +23,7 @@ def read_off(data: bytes, rules: FileRules) -> list[Part]:
     first = next(lines, b"")
     key = _KEY.match(first)
     if key is None:
-        raise ValueError(f"it does not begin with OFF, but with {brief(first)}")
+        raise ValueError(f"it does not begin with OFF, but with {brief(name(first[:100]))}")
     if b"BINARY" in first:
         raise ValueError("it is a binary OFF file, of which there is no reader")
     counts = first[key.end() :].split() or next(lines, b"").split()

@@ -3,7 +3,7 @@
 import numpy as np
 
 ROUNDINGS = 4 * 2.0**-53
-"""Each product has rounded twice in its differences and once itself, their difference once more (Shewchuk 1997: 3 eps)."""
+"""A product is rounded in both differences and by itself, their difference once more (Shewchuk 1997: 3 eps)."""
 LEAST = 2.0**-960
 """Products may lose bits to underflow below."""
 

@@ -86,7 +86,7 @@ _PLANE = np.array([[[1, 2], [2, 0], [0, 1]], [[2, 1], [0, 2], [1, 0]]])
 
 
 def _flattened(points: np.ndarray) -> np.ndarray:
-    """(G, n, 2): along the largest component of Newell's normal, so without rounding; at most 1 in size, turning left."""
+    """(G, n, 2): along the largest component of Newell's normal, without rounding; at most 1 in size, turning left."""
     largest = np.abs(points).max(axis=(1, 2))
     points = np.ldexp(points, -np.frexp(largest)[1][:, None, None])
     x, y, z = np.moveaxis(points[:, 1:] - points[:, :1], 2, 0)

@@ -5,6 +5,8 @@ from itertools import chain, islice
 
 import numpy as np
 
+from .brief import brief
+
 BLOCK = 2**16
 """Lines that are split into words together: enough to lose no time, so few that they take little memory."""
 BLANKS = bytes.maketrans(b"\t\v\f", b"   ")
@@ -24,12 +26,6 @@ def name(data: bytes) -> str:
         return data.decode()
     except UnicodeDecodeError:
         return data.decode("latin-1")
-
-
-def brief(data) -> str:
-    """Text as an error shows it."""
-    text = data if isinstance(data, str) else name(bytes(data[:200]))
-    return repr(text) if len(text) <= 60 else f"{text[:57]!r}..."
 
 
 def word_blocks(lines: Iterable[bytes]) -> Iterator[list[list[str]]]:
@@ -79,6 +75,6 @@ def _numbers(words: list[str], kind: type, dtype: type, what: str) -> np.ndarray
 
 def _is_number(word: str, kind: type) -> bool:
     try:
-        return kind is float and isinstance(float(word), float) or -(2**63) <= int(word) < 2**63
+        return abs(kind(word)) < 2**63 or kind is float
     except ValueError:
         return False
