@@ -12,7 +12,7 @@ from .materials import Material
 from .mesh_part import warn
 from .picture_files import SUFFIXES as PICTURE_SUFFIXES
 from .picture_files import read_ruled_picture
-from .text_numbers import name, plain
+from .text_lines import name, plain
 from .texture import Texture
 
 SUFFIXES = (".mtl",)

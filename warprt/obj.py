@@ -1,17 +1,15 @@
 """OBJ files (Wavefront): polygons with texture coordinates, in the materials of .mtl files."""
 
-import io
 import re
 from functools import partial
-from itertools import chain
 
 import numpy as np
 
 from .brief import brief
 from .file_rules import FileRules
-from .mesh_part import PART_BYTES, Part, Polygons, levels, warn
+from .mesh_part import Part, Polygons, charge_parts, levels, warn
 from .mtl import MaterialLibrary
-from .text_numbers import integers, name, number_rows, plain, word_blocks
+from .text_lines import MINUS, Lines, Words, integers, name, number_rows, plain, word_blocks
 from .visuals import Coated, level_light
 
 _COMMENT = re.compile(rb"^ *#[^\n]*", re.MULTILINE)
@@ -21,39 +19,28 @@ class _Statements:
     """The lines of a file that matter, by kind. A material that is set by usemtl is that of the faces which follow."""
 
     def __init__(self, data: bytes):
-        self.vertices: list[bytes] = []
-        self.uvs: list[bytes] = []
-        self.faces: list[bytes] = []
-        self.relative: list[tuple[int, int, int]] = []
-        """(face, vertices, uvs) where faces may have negative numbers, which count back from there."""
-        self.materials: list[tuple[int, str]] = []
+        self._lines = lines = Lines(_joined(plain(data)))
+        self._is_vertex, self._is_uv, self._is_face = (lines.begins_with(key) for key in (b"v ", b"vt ", b"f "))
+        self.vertices, self.uvs = lines.select(self._is_vertex, 2), lines.select(self._is_uv, 3)
+        self.faces = lines.select(self._is_face, 2)
+        before = np.cumsum(self._is_face)
+        usemtl, mtllib = (np.flatnonzero(lines.begins_with(key)).tolist() for key in (b"usemtl", b"mtllib"))
+        self.materials = [(int(before[k]), name(b" ".join(lines.line(k)[6:].split()))) for k in usemtl]
         """(first face, name)."""
-        self.libraries: dict[str, None] = {}
+        self.libraries = list(dict.fromkeys(name(lines.line(k)[6:].strip()) for k in mtllib))
         """Names of .mtl files, each once."""
-        for line in io.BytesIO(_joined(plain(data))):
-            line = line.strip(b" \n")
-            key = line[:2]
-            if key == b"v ":
-                self.vertices.append(line[2:])
-            elif key == b"f ":
-                if b"-" in line:
-                    self.relative.append((len(self.faces), len(self.vertices), len(self.uvs)))
-                self.faces.append(line[2:])
-            elif key == b"vt":
-                if line[2:3] == b" ":
-                    self.uvs.append(line[3:])
-            elif key in (b"us", b"mt"):
-                word, _, rest = line.partition(b" ")
-                if word == b"usemtl":
-                    self.materials.append((len(self.faces), name(b" ".join(rest.split()))))
-                elif word == b"mtllib":
-                    self.libraries[name(rest.strip())] = None
+
+    def relative(self) -> tuple[np.ndarray, np.ndarray]:
+        """(R,) faces that may have negative numbers, and (R, 2) how many vertices and uvs those count back from."""
+        line = np.flatnonzero(self._is_face & self._lines.has(MINUS))
+        counts = [np.cumsum(is_one)[line] for is_one in (self._is_vertex, self._is_uv)]
+        return np.cumsum(self._is_face)[line] - 1, np.stack(counts, axis=1)
 
 
 def _joined(text: bytes) -> bytes:
     """Lines that end with a backslash go on; but for comments, which often end with a folder."""
     if b"\\\n" in text:
-        text = _COMMENT.sub(b"", text).replace(b"\\\n", b" ")
+        text = _COMMENT.sub(b"", text).replace(b"\\\n", b" ") + b"\n"
     return text
 
 
@@ -73,7 +60,7 @@ def read_obj(data: bytes, rules: FileRules) -> list[Part]:
     names, material = _materials(statements.materials, sizes)
     material = np.repeat(material[sizes >= 3], polygons.sizes - 2)
     colors = levels(rows[:, 3:]) if rows.shape[1] == 6 else None
-    library = MaterialLibrary(list(statements.libraries), rules)
+    library = MaterialLibrary(statements.libraries, rules)
     parts = []
     for k, rows_of_one in _groups(material, rules):
         surface = _surface(polygons, triangles[rows_of_one], uvs, uv_corners, colors)
@@ -84,9 +71,9 @@ def read_obj(data: bytes, rules: FileRules) -> list[Part]:
 def _faces(statements: _Statements, vertex_count: int, uv_count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """(vertices, texture coordinates, sizes): numbers from 0 of the corners of all faces, -1 where there is no uv."""
     sizes, pairs = [np.empty(0, np.int64)], [np.empty((0, 2), np.int64)]
-    for rows in word_blocks(statements.faces):
-        sizes.append(np.fromiter(map(len, rows), np.int64, len(rows)))
-        pairs.append(_pairs(list(chain.from_iterable(rows))))
+    for block in word_blocks(statements.faces, "corner of a face"):
+        sizes.append(block.widths)
+        pairs.append(_pairs(block))
     sizes, pairs = np.concatenate(sizes), np.concatenate(pairs)
     if (pairs[:, 0] == 0).any():
         face = np.searchsorted(np.cumsum(sizes), int((pairs[:, 0] == 0).argmax()), side="right")
@@ -95,8 +82,8 @@ def _faces(statements: _Statements, vertex_count: int, uv_count: int) -> tuple[n
     numbers = pairs - (pairs >= 0)
     if (pairs < 0).any():
         known = np.full((len(sizes), 2), (vertex_count, uv_count))
-        for face, *counts in statements.relative:
-            known[face] = counts
+        face, counts = statements.relative()
+        known[face] = counts
         back = pairs + np.repeat(known, sizes, axis=0)
         # One uv before the first is not -1, which is none.
         back[:, 1] = np.where(back[:, 1] < 0, -2, back[:, 1])
@@ -104,17 +91,17 @@ def _faces(statements: _Statements, vertex_count: int, uv_count: int) -> tuple[n
     return numbers[:, 0], numbers[:, 1], sizes
 
 
-def _pairs(words: list[str]) -> np.ndarray:
+def _pairs(block: Words) -> np.ndarray:
     """(C, 2) vertices and texture coordinates of corners written v, v/t, v//n or v/t/n; 0 where there is none."""
-    counts = [word.count("/") for word in words]
-    most = max(counts, default=0)
+    words, most = block.words, int(block.slashes.max(initial=0))
     if most > 2:
-        raise ValueError(f"corner of a face: {brief(words[counts.index(most)])} is not v, v/t, v//n or v/t/n")
+        word = words[int(block.slashes.argmax())]
+        raise ValueError(f"corner of a face: {brief(word)} is not v, v/t, v//n or v/t/n")
     if most == 0:
         vertex = integers(words, "corner of a face")
         return np.stack([vertex, np.zeros_like(vertex)], axis=1)
-    if min(counts) < most:
-        words = [word + "/" * (most - count) for word, count in zip(words, counts, strict=True)]
+    if (block.slashes < most).any():
+        words = [word + "/" * (most - count) for word, count in zip(words, block.slashes.tolist(), strict=True)]
     text = " ".join([*words, ""])
     if "//" in text or "/ " in text:
         text = text.replace("//", "/0/").replace("/ ", "/0 ")
@@ -137,8 +124,7 @@ def _materials(spans: list[tuple[int, str]], sizes: np.ndarray) -> tuple[list[st
 def _groups(material: np.ndarray, rules: FileRules) -> list[tuple[int, np.ndarray]]:
     """(material, its triangles in their order), by first use."""
     distinct, first, counts = np.unique(material, return_index=True, return_counts=True)
-    rules.charge_objects(len(distinct), "its materials")
-    rules.charge(PART_BYTES * len(distinct), "its materials")
+    charge_parts(len(distinct), "its materials", rules)
     rows = np.split(np.argsort(material, kind="stable"), np.cumsum(counts)[:-1]) if len(distinct) else []
     return [(int(distinct[k]), rows[k]) for k in np.argsort(first)]
 

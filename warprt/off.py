@@ -1,16 +1,14 @@
 """OFF files (Geomview): text, with a count of vertices and faces."""
 
-import io
 import re
-from collections.abc import Iterator
-from itertools import islice
+from itertools import compress
 
 import numpy as np
 
 from .brief import brief
 from .file_rules import FileRules
 from .mesh_part import Part, Polygons
-from .text_numbers import integers, name, number_rows, plain, word_blocks
+from .text_lines import NEWLINE, Lines, integers, name, number_rows, plain, word_blocks
 from .visuals import Coated
 
 _KEY = re.compile(rb"(?:ST)?C?N?4?OFF(?![A-Za-z])")
@@ -19,48 +17,67 @@ _KEY = re.compile(rb"(?:ST)?C?N?4?OFF(?![A-Za-z])")
 
 def read_off(data: bytes, rules: FileRules) -> list[Part]:
     """One mesh. Raises ValueError for fewer vertices and faces than announced."""
-    lines = _lines(plain(data))
-    first = next(lines, b"")
+    lines = _Rows(data)
+    first = lines.next()
     key = _KEY.match(first)
     if key is None:
         raise ValueError(f"it does not begin with OFF, but with {brief(name(first[:100]))}")
     if b"BINARY" in first:
-        raise ValueError("it is a binary OFF file, of which there is no reader")
-    counts = first[key.end() :].split() or next(lines, b"").split()
+        raise ValueError("it is a binary OFF file, which has no reader")
+    counts = first[key.end() :].split() or lines.next().split()
     counts = integers([word.decode("latin-1") for word in counts[:2]], "the counts of vertices and faces").tolist()
     if len(counts) < 2 or min(counts) < 0:
         raise ValueError("there are no counts of vertices and faces")
-    vertices = number_rows(islice(lines, min(counts[0], len(data))), 3, 3, "vertex")
-    corners, sizes = _faces(islice(lines, min(counts[1], len(data))))
-    if (len(vertices), len(sizes)) != tuple(counts):
+    if sum(counts) > lines.left:
         raise ValueError(
-            f"it announces {counts[0]} vertices and {counts[1]} faces, and has {len(vertices)} and {len(sizes)}"
+            f"it announces {counts[0]} vertices and {counts[1]} faces, and has {lines.left} lines for them"
         )
+    vertices = number_rows(lines.text(counts[0]), 3, 3, "vertex")
+    corners, sizes = _faces(lines.text(counts[1]))
     polygons, _ = Polygons(vertices, corners, sizes).checked(rules)
     faces = polygons.corners[polygons.triangles(rules)]
     return [Part(Coated(polygons.vertices, faces, None, None))] if len(faces) else []
 
 
-def _lines(text: bytes) -> Iterator[bytes]:
-    """Those that hold something beside a comment."""
-    for line in io.BytesIO(text):
-        line = line.partition(b"#")[0].strip()
-        if line:
-            yield line
+class _Rows:
+    """Lines that hold something beside a comment, one after the other."""
+
+    def __init__(self, data: bytes):
+        lines = Lines(re.sub(rb"#[^\n]*", b"", plain(data)))
+        self._text = lines.select(lines.is_filled())
+        self._ends = np.flatnonzero(np.frombuffer(self._text, np.uint8) == NEWLINE)
+        self._number = self._place = 0
+
+    @property
+    def left(self) -> int:
+        return len(self._ends) - self._number
+
+    def next(self) -> bytearray:
+        return self.text(1).strip()
+
+    def text(self, count: int) -> bytearray:
+        """The next lines; fewer if there are no more."""
+        count = min(count, self.left)
+        begin = self._place
+        if count:
+            self._number += count
+            self._place = int(self._ends[self._number - 1]) + 1
+        return self._text[begin : self._place]
 
 
-def _faces(lines: Iterator[bytes]) -> tuple[np.ndarray, np.ndarray]:
+def _faces(text: bytearray) -> tuple[np.ndarray, np.ndarray]:
     """(corners, sizes) of lines that begin with a size; colours may stand behind the corners."""
     corners, sizes = [np.empty(0, np.int64)], [np.empty(0, np.int64)]
     count = 0
-    for rows in word_blocks(lines):
-        size = integers([row[0] for row in rows], "size of a face")
-        short = next((k for k, row in enumerate(rows) if not 0 <= size[k] < len(row)), None)
-        if short is not None:
-            raise ValueError(f"face {count + short} has not as many corners as it says: {brief(' '.join(rows[short]))}")
-        ends = (size + 1).tolist()
-        words = [word for row, end in zip(rows, ends, strict=True) for word in row[1:end]]
-        corners.append(integers(words, "corner of a face"))
+    for block in word_blocks(text, "corner of a face"):
+        size = integers([block.words[k] for k in block.first().tolist()], "size of a face")
+        is_short = (size < 0) | (size >= block.widths)
+        if is_short.any():
+            k = int(is_short.argmax())
+            raise ValueError(f"face {count + k} has not as many corners as it says: {brief(block.line(k))}")
+        column = block.columns()
+        words = compress(block.words, (column > 0) & (column <= np.repeat(size, block.widths)))
+        corners.append(integers(list(words), "corner of a face"))
         sizes.append(size)
-        count += len(rows)
+        count += len(size)
     return np.concatenate(corners), np.concatenate(sizes)

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from .brief import brief
-from .text_numbers import name
+from .text_lines import name
 
 TYPES = {
     **{"char": "i1", "uchar": "u1", "short": "i2", "ushort": "u2", "int": "i4", "uint": "u4"},

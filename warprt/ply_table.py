@@ -6,7 +6,7 @@ import numpy as np
 
 from .brief import brief
 from .ply_header import Element
-from .text_numbers import floats
+from .text_lines import floats
 
 BLOCK_BYTES = 2**20
 """Text that is split into words at a time."""

@@ -1,12 +1,10 @@
 """STL files, binary or text: triangles that share no vertices."""
 
-import io
-
 import numpy as np
 
 from .file_rules import FileRules
-from .mesh_part import Part, Polygons, warn
-from .text_numbers import number_rows, plain
+from .mesh_part import Part, Polygons, charge_parts, warn
+from .text_lines import Lines, number_rows, plain
 from .visuals import Coated
 
 HEADER_BYTES = 84
@@ -37,27 +35,21 @@ def _binary(data: bytes, count: int, rules: FileRules) -> list[Part]:
 
 def _text(data: bytes, rules: FileRules) -> list[Part]:
     """Keys in any case; a solid without an end counts."""
-    parts, vertices = [], []
-    for line in io.BytesIO(plain(data)):
-        line = line.strip(b" \n")
-        key = line[:8].lower()
-        if key.startswith(b"vertex "):
-            vertices.append(line[7:])
-        elif key == b"endsolid":
-            parts += _solid(vertices, rules)
-            vertices = []
-    return parts + _solid(vertices, rules)
-
-
-def _solid(lines: list[bytes], rules: FileRules) -> list[Part]:
-    if len(lines) % 3:
-        raise ValueError(f"{len(lines)} vertices of a solid make no triangles")
-    return _parts(number_rows(lines, 3, 3, "vertex"), rules)
+    lines = Lines(plain(data))
+    is_vertex, is_end = lines.begins_with(b"vertex ", True), lines.begins_with(b"endsolid", True)
+    vertices = number_rows(lines.select(is_vertex, len(b"vertex ")), 3, 3, "vertex")
+    counts = np.diff(np.unique(np.cumsum(is_vertex)[is_end]), prepend=0, append=len(vertices))
+    if (counts % 3).any():
+        raise ValueError(f"{counts[(counts % 3).argmax()]} vertices of a solid make no triangles")
+    charge_parts(len(counts), "its solids", rules)
+    parts = []
+    for end, count in zip(np.cumsum(counts).tolist(), counts.tolist(), strict=True):
+        parts += _parts(vertices[end - count : end], rules)
+    return parts
 
 
 def _parts(vertices: np.ndarray, rules: FileRules) -> list[Part]:
     if not len(vertices):
         return []
-    rules.charge_objects(1, "a solid")
     polygons, _ = Polygons(vertices, np.arange(len(vertices)), np.full(len(vertices) // 3, 3)).checked(rules)
     return [Part(Coated(polygons.vertices, polygons.corners.reshape(-1, 3), None, None))]
