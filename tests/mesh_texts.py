@@ -49,18 +49,20 @@ def stl(vertices, polygons) -> bytes:
     return b"\0" * 80 + struct.pack("<I", len(body) // 50) + body
 
 
-def strip(sizes) -> tuple[list, list]:
-    """(vertices, polygons): convex polygons of these sizes, one beside the other along x, that share their sides."""
-    vertices, polygons, left = [(0, 0, 0), (0, 1, 0)], [], (0, 1)
+def random_polygons(rng, count: int, most: int) -> tuple[list, list, np.ndarray]:
+    """(vertices, polygons, corners of their triangles): convex polygons that lie about, and their fans."""
+    sizes = rng.integers(3, most + 1, count)
+    rings = []
     for k, size in enumerate(sizes):
-        lower, upper = left
-        if size == 3:
-            vertices.append((k + 0.5, -0.5 if k % 2 else 1.5, 0))
-            polygons.append((lower, len(vertices) - 1, upper) if not k % 2 else (lower, len(vertices) - 1, upper))
-            continue
-        first = len(vertices)
-        bends = [(k + 0.9, 0.1 + 0.8 * (i + 1) / (size - 3), 0.0) for i in range(size - 4)]
-        vertices += [(k + 1, 0, 0), *bends, (k + 1, 1, 0)]
-        polygons.append((lower, *range(first, len(vertices)), upper))
-        left = (first, len(vertices) - 1)
-    return vertices, polygons
+        angle = 2 * np.pi * np.arange(size) / size
+        ring = np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=1)
+        turn, _ = np.linalg.qr(rng.normal(size=(3, 3)))
+        # In float32, so that any format can hold them.
+        rings.append(np.float32(ring @ turn + (3 * k, 0, 0)))
+    corners = np.concatenate(rings).astype(float)
+    number = rng.permutation(len(corners))
+    vertices = np.empty_like(corners)
+    vertices[number] = corners
+    polygons = [tuple(ring.tolist()) for ring in np.split(number, np.cumsum(sizes)[:-1])]
+    fans = [(p[0], p[k], p[k + 1]) for p in polygons for k in range(1, len(p) - 1)]
+    return vertices.tolist(), polygons, vertices[np.array(fans)]
