@@ -41,7 +41,7 @@ class CfgFolder:
             elif is_smooth:
                 self._meshes[key] = self._mesh(path, False, False).smooth()
             else:
-                self._meshes[key] = Mesh.from_file(path)
+                self._meshes[key] = mesh_files.read_mesh(path, self._rules)
         return self._meshes[key]
 
     def _require_few_cells(self, grid) -> None:

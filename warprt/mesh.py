@@ -203,21 +203,23 @@ class Mesh:
         return wp.array(values, dtype=wp.types.vector(values.shape[1], real), device=device)
 
     @classmethod
-    def from_file(cls, path: str | Path, grid: str | tuple[int, int, int] | None = "auto") -> "Mesh":
-        """Reads any mesh format that trimesh reads (.ply .obj .stl .off ...); several parts become one mesh.
+    def from_file(
+        cls, path: str | Path, grid: str | tuple[int, int, int] | None = "auto", trust: bool = False
+    ) -> "Mesh":
+        """Reads a mesh file (.obj .ply .stl .off); several parts become one mesh.
 
         With it come texture coordinates, if all parts have them, and colours. `load_scene` also takes the materials.
-        Faces are in the order of the file, those of each material together.
+        Faces are in the order of the file, those of each material together; a polygon of n corners, convex or not,
+        becomes n - 2 triangles, which stand together. trust: also reads what else trimesh reads, and lifts the limits
+        of memory and time for each byte of the file, see `load_scene`.
 
-        Raises FileNotFoundError when there is no such file, ValueError when it holds no triangles.
+        Raises FileNotFoundError when there is no such file, ValueError for one that is broken, or has no triangles.
         """
-        from .mesh_files import read_parts
+        from .file_rules import FileRules
+        from .mesh_files import read_mesh
 
-        parts = read_parts(path)
-        try:
-            return _joined([cls.from_trimesh(part, grid=grid) for part in parts])
-        except ValueError as error:
-            raise ValueError(f"{path}: {error}") from None
+        rules = FileRules(path, trust)
+        return read_mesh(rules.path, rules, grid)
 
     @classmethod
     def from_trimesh(cls, mesh, grid: str | tuple[int, int, int] | None = "auto") -> "Mesh":
@@ -274,7 +276,7 @@ class DeviceMesh:
         return corners + (self.trees.bytes if self.trees else 0)
 
 
-def _joined(parts: list[Mesh]) -> Mesh:
+def joined(parts: list[Mesh]) -> Mesh:
     """Meshes as one: with uvs if each has them, white where a part has no colours and another has."""
     if len(parts) == 1:
         return parts[0]

@@ -1,67 +1,92 @@
-"""Mesh files, read by trimesh."""
+"""Mesh files: which reader is for which, and what becomes of their parts."""
 
 import warnings
+from collections.abc import Callable
 from pathlib import Path
 
-import numpy as np
 import trimesh
 
-SUFFIXES = (".obj", ".ply", ".stl", ".off")
+from .file_rules import FileRules
+from .materials import Material
+from .mesh import Mesh, joined
+from .mesh_part import Part
+from .obj import read_obj
+from .off import read_off
+from .ply import read_ply
+from .stl import read_stl
+from .visuals import coated, file_material
+
+_READERS: dict[str, Callable[[bytes, FileRules], list[Part]]] = {
+    ".obj": read_obj,
+    ".ply": read_ply,
+    ".stl": read_stl,
+    ".off": read_off,
+}
+SUFFIXES = tuple(_READERS)
 
 
-def read_parts(path: str | Path) -> list[trimesh.Trimesh]:
-    """The meshes of a file, one for each material, in their places; the faces of each in the order of the file.
+def read_mesh(path: Path, rules: FileRules, grid: str | tuple[int, int, int] | None = "auto") -> Mesh:
+    """The triangles of a file as one mesh, without their materials, whose files are not read.
 
-    Raises FileNotFoundError when there is no such file, ValueError when trimesh finds no triangles in it.
+    Raises ValueError that names the file.
     """
-    path = Path(path)
-    if not path.is_file():
-        raise FileNotFoundError(f"there is no file {path}")
+    parts = _parts(path, rules)
+    return _named(path, lambda: joined([_mesh(part, grid) for part in parts]))
+
+
+def read_parts(path: Path, rules: FileRules) -> list[tuple[Mesh, Material | None]]:
+    """A mesh for each material of a file, or solid of an STL file, and what the file says of its material, if it does.
+
+    path: that of the rules, or one that they have given. Raises ValueError that names the file.
+    """
+    parts = _parts(path, rules)
+    return _named(path, lambda: [_with_material(part) for part in parts])
+
+
+def _with_material(part: Part) -> tuple[Mesh, Material | None]:
+    material = part.look() if part.look is not None else None
+    # Colours of vertices are not for what has a material.
+    surface = part.surface if material is None else part.surface._replace(colors=None)
+    return _mesh(Part(surface), "auto"), material
+
+
+def _mesh(part: Part, grid) -> Mesh:
+    vertices, faces, uvs, colors = part.surface
+    return Mesh(vertices, faces, uvs=uvs, grid=grid, colors=colors)
+
+
+def _parts(path: Path, rules: FileRules) -> list[Part]:
+    """Those with triangles."""
+    read = _READERS.get(path.suffix.lower())
+    if read is None and not rules.is_trusted:
+        raise ValueError(
+            f"cannot read {path}: meshes are {' '.join(SUFFIXES)}; trust=True takes all that trimesh reads"
+        )
     try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            parts = _parts(trimesh.load_scene(path, process=False))
-    except Exception as error:
-        # Readers of trimesh fail in many ways on broken files.
-        raise ValueError(f"cannot read {path} as a mesh: {type(error).__name__}: {error}") from error
-    if path.suffix.lower() == ".obj":
-        # Of its materials trimesh reads the last one first.
-        parts.reverse()
+        parts = _read_other(path) if read is None else read(path.read_bytes(), rules)
+    except ValueError as error:
+        raise ValueError(f"cannot read {path} as a mesh: {error}") from None
     if not parts:
         raise ValueError(f"{path} has no triangles")
     return parts
 
 
-def require_pictures(path: Path) -> None:
-    """ValueError that names the first picture missing of those that the materials of an .obj ask for.
-
-    trimesh leaves it out in silence. A material file that is missing is not missed: many an .obj goes without.
-    """
-    for material in _named(path, "mtllib", "f"):
-        if (path.parent / material).is_file():
-            for picture in _named(path.parent / material, "map_Kd"):
-                # Options such as -s 1 1 1 may stand before the name.
-                name = picture.split()[-1] if picture.startswith("-") else picture
-                if not (path.parent / material).parent.joinpath(name.replace("\\", "/")).is_file():
-                    raise ValueError(f"{path}: there is no picture {name!r}, which {material} asks for")
+def _named(path: Path, make: Callable):
+    """What make() returns; its ValueError begins with the path."""
+    try:
+        return make()
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None
 
 
-def _named(path: Path, key: str, end: str | None = None) -> list[str]:
-    """What stands behind a key at the beginning of a line, up to the first line of another one."""
-    found = []
-    with open(path, encoding="utf-8", errors="replace") as lines:
-        for line in lines:
-            word, _, rest = line.strip().partition(" ")
-            if word == key and rest.strip():
-                found.append(rest.strip())
-            elif word == end:
-                break
-    return found
-
-
-def _parts(scene: trimesh.Scene) -> list[trimesh.Trimesh]:
-    """The meshes of a scene that have faces. Where nothing is moved they are not copied: copies lose their pictures."""
-    names = [scene.graph[node] for node in scene.graph.nodes_geometry]
-    is_still = all(np.array_equal(matrix, np.eye(4)) for matrix, _ in names)
-    parts = [scene.geometry[name] for _, name in names] if is_still else scene.dump()
-    return [part for part in parts if len(getattr(part, "faces", ())) > 0]
+def _read_other(path: Path) -> list[Part]:
+    """The meshes of a file of another kind, by trimesh, in their places."""
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            scene = trimesh.load_scene(path, process=False)
+            meshes = [mesh for mesh in scene.dump() if len(getattr(mesh, "faces", ())) > 0]
+            return [Part(coated(mesh), lambda mesh=mesh: file_material(mesh)) for mesh in meshes]
+    except Exception as error:
+        # Its readers fail in many ways on broken files.
+        raise ValueError(" ".join(f"{type(error).__name__}: {error}".split())) from error

@@ -12,9 +12,8 @@ from .gltf_scene import read_gltf
 from .lights import daylight
 from .materials import Material
 from .mesh import Mesh
-from .mesh_files import SUFFIXES, read_parts, require_pictures
+from .mesh_files import SUFFIXES, read_parts
 from .scene import Instance, Scene
-from .visuals import file_material
 
 
 def ready_scenes() -> dict[str, Path]:
@@ -60,29 +59,22 @@ def load_scene(path: str | Path, trust: bool = False, **options) -> Scene:
     if suffix in gltf.SUFFIXES:
         return read_gltf(rules)
     if suffix in SUFFIXES:
-        return _mesh_scene(path)
+        return _mesh_scene(rules)
     kinds = (".py", ".cfg", *gltf.SUFFIXES, *SUFFIXES)
     raise ValueError(f"cannot read {path}: scenes are {' '.join(kinds)}")
 
 
-def _mesh_scene(path: Path) -> Scene:
+def _mesh_scene(rules: FileRules) -> Scene:
     """The meshes of a file in daylight; the camera sees all of them."""
-    parts = read_parts(path)
-    if path.suffix.lower() == ".obj":
-        require_pictures(path)
-    try:
-        objects = [_part(part) for part in parts]
-    except ValueError as error:
-        raise ValueError(f"{path}: {error}") from None
+    objects = [_part(mesh, material) for mesh, material in read_parts(rules.path, rules)]
     lights, sky = daylight()
     return Scene(objects, lights=lights, background=sky)
 
 
-def _part(part) -> Instance:
+def _part(mesh: Mesh, material: Material | None) -> Instance:
     """A mesh of a file in the material that the file gives it; in clay if it gives neither that nor colours."""
-    mesh = Mesh.from_trimesh(part)
     clay = Material((0.75, 0.7, 0.62) if mesh.colors is None else 1.0)
-    return Instance(mesh, material=file_material(part) or clay)
+    return Instance(mesh, material=material or clay)
 
 
 def _python_scene(path: Path, options: dict) -> Scene:

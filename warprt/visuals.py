@@ -27,7 +27,7 @@ def coated(mesh) -> Coated:
     if kind == "vertex":
         return Coated(vertices, faces, None, linear(visual.vertex_colors[:, :3] / 255))
     if kind == "face":
-        used, faces, colors = _split_by_color(np.asarray(faces), visual.face_colors)
+        used, faces, colors = split_by_color(np.asarray(faces), visual.face_colors)
         return Coated(np.asarray(vertices)[used], faces, None, linear(colors / 255))
     return Coated(vertices, faces, None, None)
 
@@ -45,6 +45,14 @@ def file_material(mesh) -> Material | None:
     return Material(given.get("kd", 1.0), texture=texture if has_uvs else None)
 
 
+def level_light(levels: np.ndarray) -> np.ndarray:
+    """The light of bytes of sRGB."""
+    return _LIGHT[levels]
+
+
+_LIGHT = linear(np.arange(256) / 255)
+
+
 def _usable_uvs(uvs, count: int) -> np.ndarray | None:
     """(V, 2) finite numbers, or None: what trimesh holds need be neither."""
     if uvs is None or np.shape(uvs) != (count, 2) or not np.isfinite(uvs).all():
@@ -52,7 +60,7 @@ def _usable_uvs(uvs, count: int) -> np.ndarray | None:
     return np.asarray(uvs)
 
 
-def _split_by_color(faces: np.ndarray, colors: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def split_by_color(faces: np.ndarray, colors: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """(old number of each vertex, faces, (V, 3) colours): one vertex for each colour that meets there."""
     red, green, blue = colors[:, :3].astype(np.int64).T
     corner = (faces.astype(np.int64) << 24) | ((red << 16) | (green << 8) | blue)[:, None]

@@ -1,0 +1,565 @@
+"""Mesh files: what is in them, in which order, and what is wrong with them."""
+
+import os
+import warnings
+
+import mesh_texts
+import numpy as np
+import PIL.Image
+import pytest
+import trimesh
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import warprt as rt
+
+V = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n"
+CORNERS = np.array([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)], float)
+BOTH = CORNERS[[[0, 1, 2], [0, 2, 3]]]
+
+
+def read(folder, name, data, **options):
+    (folder / name).write_bytes(data if isinstance(data, bytes) else data.encode())
+    return rt.Mesh.from_file(folder / name, **options)
+
+
+def triangles(mesh):
+    return mesh.vertices[mesh.faces]
+
+
+# ----------------------------------------------------------------------------------------------- order of faces
+
+
+def check_round_trip(folder, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    vertices, polygons, expected = mesh_texts.random_polygons(rng, int(rng.integers(1, 12)), int(rng.choice([3, 4, 9])))
+    count, index = rng.choice(["uchar", "char", "ushort", "int", "uint"]), rng.choice(["uchar", "short", "int", "uint"])
+    styles = ("ascii", "binary_little_endian", "binary_big_endian")
+    files = [("a.obj", mesh_texts.obj), ("a.off", mesh_texts.off), ("a.stl", mesh_texts.stl)]
+    texts = [(name, make(vertices, polygons)) for name, make in files]
+    real = rng.choice(["double", "float"])
+    extra = {"face_extra": "quality", "extra": rng.integers(0, 256, len(polygons))} if rng.integers(2) else {}
+    texts += [("a.ply", mesh_texts.ply(vertices, polygons, style, count, index, real, **extra)) for style in styles]
+    for name, text in texts:
+        np.testing.assert_array_equal(triangles(read(folder, name, text)), expected)
+
+
+@pytest.fixture(scope="module")
+def shared_folder(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("meshes")
+    PIL.Image.new("RGB", (2, 3), (255, 0, 0)).save(folder / "red.png")
+    return folder
+
+
+@settings(max_examples=15)
+@given(seed=st.integers(0, 10**6))
+def test_faces_are_those_of_the_file_in_its_order(shared_folder, seed):
+    check_round_trip(shared_folder, seed)
+
+
+@pytest.mark.long
+@settings(max_examples=3000)
+@given(seed=st.integers(0, 10**9))
+def test_faces_of_many_files_are_in_order(shared_folder, seed):
+    check_round_trip(shared_folder, seed)
+
+
+@pytest.mark.parametrize("name", ["a.obj", "a.off", "a.ply"])
+def test_concave_polygons_are_not_covered_beyond_their_sides(tmp_path, name):
+    corners = [(0, 0, 1), (2, 2, 1), (0, 4, 1), (0.5, 2, 1)]
+    make = getattr(mesh_texts, name[2:])
+    mesh = read(tmp_path, name, make(corners, [(0, 1, 2, 3)]))
+    hits = rt.Tracer(rt.Scene([mesh]), device="cpu").cast([(1, 2, 9), (0.2, 2, 9), (0.45, 1, 9)], (0, 0, -1))
+    np.testing.assert_array_equal(hits.hit, [True, False, True])
+
+
+def test_colours_of_polygons_are_those_of_their_triangles(tmp_path):
+    polygons = [(0, 1, 2, 3), (0, 1, 2), (0, 2, 3)]
+    text = mesh_texts.ply(CORNERS, polygons, face_extra="red", extra=[255, 128, 0])
+    text = text.replace(b"uchar red\n", b"uchar red\nproperty uchar green\nproperty uchar blue\n")
+    head, body = text.split(b"end_header\n")
+    lines = body.splitlines()
+    lines[4:] = [line + b" 0 7" for line in lines[4:]]
+    mesh = read(tmp_path, "a.ply", head + b"end_header\n" + b"\n".join(lines))
+    np.testing.assert_array_equal(triangles(mesh), np.concatenate([BOTH, BOTH]))
+    reds = mesh.colors[mesh.faces][:, :, 0]
+    np.testing.assert_allclose(reds, np.repeat([1, 1, ((128 / 255 + 0.055) / 1.055) ** 2.4, 0], 3).reshape(4, 3))
+
+
+@pytest.mark.parametrize("style", ["ascii", "binary_little_endian", "binary_big_endian"])
+def test_texture_coordinates_of_corners_of_a_ply(tmp_path, style):
+    order = ">" if "big" in style else "<"
+    head = f"ply\nformat {style} 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\n"
+    head += "element face 2\nproperty list uchar int vertex_indices\nproperty list uchar float texcoord\n"
+    head += "property uchar flags\nend_header\n"
+    faces = [((0, 1, 2, 3), (0, 0, 1, 0, 1, 1, 0, 1)), ((0, 1, 2), (0, 0, 1, 0, 0.5, 0.5))]
+    if style == "ascii":
+        body = "".join(f"{x} {y} {z}\n" for x, y, z in CORNERS)
+        body += "".join(" ".join(map(str, (len(v), *v, len(t), *t, 9))) + "\n" for v, t in faces)
+        body = body.encode()
+    else:
+        body = CORNERS.astype(order + "f4").tobytes()
+        for corners, uvs in faces:
+            body += bytes([len(corners)]) + np.array(corners, order + "i4").tobytes()
+            body += bytes([len(uvs)]) + np.array(uvs, order + "f4").tobytes() + b"\x09"
+    mesh = read(tmp_path, "a.ply", head.encode() + body)
+    np.testing.assert_array_equal(triangles(mesh), CORNERS[[[0, 1, 2], [0, 2, 3], [0, 1, 2]]])
+    expected = [[(0, 0), (1, 0), (1, 1)], [(0, 0), (1, 1), (0, 1)], [(0, 0), (1, 0), (0.5, 0.5)]]
+    np.testing.assert_array_equal(mesh.uvs[mesh.faces], expected)
+    assert len(mesh) == 5
+
+
+# ------------------------------------------------------------------------------------------------- ways to write
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        pytest.param(V + "f 1 2 3\nf 1 3 4\n", id="plain"),
+        pytest.param((V + "f 1 2 3\nf 1 3 4").replace(" ", "\t"), id="tabs"),
+        pytest.param((V + "f 1 2 3\nf 1 3 4\n").replace("v", "  v").replace("f", " \t f"), id="leading blanks"),
+        pytest.param((V + "f 1 2 3 # one\nf 1 3 4# two\n# f 1 1 1\n").replace("v 1 1 0", "v 1 1 0 # 9"), id="comments"),
+        pytest.param(V + "f 1 \\\n 2 3\nf 1 3\\\n 4\n", id="lines that go on"),
+        pytest.param("# made in C:\\models\\\n" + V + "f 1 2 \\\n3\nf 1 3 4\n", id="comment with a folder"),
+        pytest.param(V.replace("\n", "\r\n") + "f 1 \\\r\n2 3\r\nf 1 3 4", id="CR LF"),
+        pytest.param((V + "f 1 2 3\nf 1 3 4\n").replace("\n", "\r"), id="CR"),
+        pytest.param("\ufeff" + V + "f 1 2 3\nf 1 3 4\n", id="byte order mark"),
+        pytest.param("f 1 2 3\nf 1 3 4\n" + V, id="faces first"),
+        pytest.param(V[:24] + "f -3 -2 -1\n" + V[24:] + "f -4 -2 -1\n", id="counted back"),
+        pytest.param(V + "vn 0 0 1\nvt 0 0\nf 1//1 2//1 3//-1\nf 1/1/1 3/1 4\n", id="all ways of a corner"),
+        pytest.param(V + "l 1 2\np 3\ng a\no b\ns off\nf 1 2 3\nvp 1 2\nf 1 3 4\n", id="other statements"),
+        pytest.param(V.replace(" 0\n", " 0 1\n") + "f 1 2 3\nf 1 3 4\n", id="weights"),
+        pytest.param(V + "f 1 2 3 4\n", id="quad"),
+        pytest.param("v 9 9 inf\n" + V + "f 2 3 4\nf 2 4 5\nv nan 0 0\n", id="not finite where no face is"),
+    ],
+)
+def test_obj_in_many_ways(tmp_path, text):
+    np.testing.assert_array_equal(triangles(read(tmp_path, "a.obj", text)), BOTH)
+
+
+SOLID = """solid a vertex of endsolid
+  facet normal 0 0 1
+    outer loop
+      vertex 0 0 0
+      vertex 1 0 0
+      vertex 1 1 0
+    endloop
+  endfacet
+endsolid a
+"""
+
+
+@pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
+@pytest.mark.parametrize("change", [str, str.upper, lambda text: text.replace("endsolid a", ""), lambda text: text * 2])
+def test_stl_texts(tmp_path, end, change):
+    text = change(SOLID).replace("\n", end)
+    mesh = read(tmp_path, "a.stl", text)
+    np.testing.assert_array_equal(triangles(mesh), np.repeat(BOTH[:1], text.lower().count("facet normal"), axis=0))
+    assert len(rt.load_scene(tmp_path / "a.stl").objects) == text.lower().count("facet normal")
+
+
+@pytest.mark.parametrize("begin", [b"\0", b"solid"])
+@pytest.mark.parametrize("behind", [b"", b"\0", b"trailing junk"])
+def test_stl_with_bytes_behind(tmp_path, begin, behind):
+    data = mesh_texts.stl(CORNERS, [(0, 1, 2, 3)])
+    mesh = read(tmp_path, "a.stl", begin + data[len(begin) :] + behind)
+    np.testing.assert_array_equal(triangles(mesh), BOTH)
+
+
+def test_stl_with_triangles_behind_warns(tmp_path):
+    data = mesh_texts.stl(CORNERS, [(0, 1, 2, 3)])
+    with pytest.warns(UserWarning, match=r"a\.stl: 120 bytes behind the 2 triangles that it announces are left out"):
+        read(tmp_path, "a.stl", data + bytes(120))
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        pytest.param("OFF\n4 2 5\n{}3 0 1 2\n3 0 2 3\n", id="plain"),
+        pytest.param("OFF 4 2 0\n\n# c\n{}\n3 0 1 2 # d\n\n\n 3 0 2 3", id="counts on the first line"),
+        pytest.param("# c\nCOFF\n4 2\n{}3 0 1 2 255 0 0\n3\t0 2 3 0.5 0.5 0.5 1\nbehind\n", id="colours"),
+        pytest.param("OFF\r\n4 1 0\r\n{}4 0 1 2 3\r\n", id="CR LF"),
+    ],
+)
+def test_off_in_many_ways(tmp_path, text):
+    rows = "".join(f"{x} {y} {z}" + (" 255 0 0 255" if "COFF" in text else "") + "\n" for x, y, z in CORNERS)
+    np.testing.assert_array_equal(triangles(read(tmp_path, "a.off", text.format(rows))), BOTH)
+
+
+@pytest.mark.parametrize("style", ["ascii", "binary_little_endian"])
+def test_ply_with_other_elements_and_bytes_behind(tmp_path, style):
+    text = mesh_texts.ply(CORNERS, [(0, 1, 2, 3)], style) + b"\nbehind 1 2"
+    np.testing.assert_array_equal(triangles(read(tmp_path, "a.ply", text)), BOTH)
+    other = (
+        b"element other 2\nproperty list uchar uchar list\nproperty uchar x\nelement none 99999999999\nelement vertex"
+    )
+    text = text.replace(b"element vertex", other, 1)
+    rows = b"2 3 4 5\n0 6\n" if style == "ascii" else bytes([2, 3, 4, 5, 0, 6])
+    text = text.replace(b"end_header\n", b"end_header\n" + rows)
+    np.testing.assert_array_equal(triangles(read(tmp_path, "a.ply", text)), BOTH)
+
+
+@pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
+def test_ply_header_in_any_line_ends(tmp_path, end):
+    head, body = mesh_texts.ply(CORNERS, [(0, 1, 2, 3)], "binary_little_endian").split(b"end_header\n")
+    head = (head + b"end_header\n").replace(b"\n", end.encode())
+    np.testing.assert_array_equal(triangles(read(tmp_path, "a.ply", head + body)), BOTH)
+
+
+# ------------------------------------------------------------------------------------------------ what is wrong
+
+
+def ply_of(vertex_count=4, face_count=1, index="3 0 1 2", row="0 0 0\n1 0 0\n1 1 0\n0 1 0\n", more="") -> str:
+    head = f"ply\nformat ascii 1.0\nelement vertex {vertex_count}\n"
+    head += "".join(f"property float {axis}\n" for axis in "xyz")
+    return head + f"element face {face_count}\nproperty list uchar int vertex_indices\n{more}end_header\n{row}{index}\n"
+
+
+@pytest.mark.parametrize(
+    "name, data, words",
+    [
+        pytest.param("a.obj", V + "f 1 2 3\nf 0 1 2\n", "face 1 has a vertex 0; the first", id="obj 0"),
+        pytest.param("a.obj", V + "f 1 2 5\n", r"face 0 has a vertex 4 \(from 0\), and there are 4", id="obj beyond"),
+        pytest.param("a.obj", "v 0 0 0\nf 1 -2 1\n" + V, "face 0 has a vertex -1", id="obj before the first"),
+        pytest.param("a.obj", V + "f 1 2 99999999999999999999\n", "'99999999999999999999' is not", id="obj huge"),
+        pytest.param("a.obj", V + "f 1 2 x\n", "corner of a face: 'x' is not a whole number", id="obj word"),
+        pytest.param("a.obj", V + "f 1 2 3/1/1/1\n", "'3/1/1/1' is not v, v/t", id="obj slashes"),
+        pytest.param("a.obj", V + "f 1 2 /3\n", "no vertex before its /", id="obj slash first"),
+        pytest.param("a.obj", V + "f 1 2 1.5\n", "'1.5' is not a whole number", id="obj fraction"),
+        pytest.param("a.obj", "v 0 0\n" + V + "f 1 2 3\n", "vertex 0 needs 3 numbers; got '0 0'", id="obj 2-D"),
+        pytest.param("a.obj", "v 0 0 o\n" + V + "f 1 2 3\n", "vertex: 'o' is not a number", id="obj letter"),
+        pytest.param("a.obj", V + "v nan 0 0\nf 1 2 3\nf 1 2 5\n", r"face 1 uses vertex 4 .*finite", id="obj nan"),
+        pytest.param("a.obj", V, "has no triangles", id="obj points"),
+        pytest.param("a.obj", b"\0\1\2", "has no triangles", id="obj bytes"),
+        pytest.param("a.off", "OFF\n4 2 0\n0 0 0\n1 0 0\n0 1 0\n1 1 0\n3 0 1 2\n", "announces 4 .* 2 faces", id="off"),
+        pytest.param("a.off", "OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n4 0 1 2\n", "not as many corners", id="off short"),
+        pytest.param("a.off", "OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 3\n", "has a vertex 3", id="off beyond"),
+        pytest.param("a.off", "OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 -1\n", "has a vertex -1", id="off negative"),
+        pytest.param("a.off", "OFF\n-3 1 0\n", "no counts", id="off negative count"),
+        pytest.param("a.off", "OFF\n", "no counts", id="off empty"),
+        pytest.param("a.off", "OFF BINARY\n", "binary", id="off binary"),
+        pytest.param("a.off", "nothing", "does not begin with OFF", id="off other"),
+        pytest.param("a.stl", b"\0" * 80 + b"\xff" * 4 + b"\0" * 50, "4294967295 triangles, .* bytes for 1", id="stl"),
+        pytest.param("a.stl", b"\0" * 40, "nor long enough", id="stl short"),
+        pytest.param("a.stl", SOLID.replace("vertex 0 0 0", ""), "2 vertices of a solid", id="stl two corners"),
+        pytest.param("a.stl", SOLID.replace("vertex 0 0 0", "vertex 0 0"), "needs 3 numbers", id="stl two numbers"),
+        pytest.param("a.stl", SOLID.replace("vertex 0", "vertex nan"), "not finite", id="stl nan"),
+        pytest.param("a.ply", ply_of(10**12), "announces 1000000000000 rows of 'vertex'", id="ply vertices"),
+        pytest.param("a.ply", ply_of(face_count=10**12), "announces 1000000000000 rows of 'face'", id="ply faces"),
+        pytest.param("a.ply", ply_of(index="3 0 1 4"), "has a vertex 4", id="ply beyond"),
+        pytest.param("a.ply", ply_of(index="3 0 1 -1"), "has a vertex -1", id="ply negative"),
+        pytest.param("a.ply", ply_of(index="3 0 1 1.5"), "has a vertex -1", id="ply fraction"),
+        pytest.param("a.ply", ply_of(index="4000000000 0 1 2"), "ends before", id="ply long list"),
+        pytest.param("a.ply", ply_of(index="-3 0 1 2"), "a list has -3", id="ply negative list"),
+        pytest.param("a.ply", ply_of(index="3 0 one 2"), "ends before", id="ply word"),
+        pytest.param("a.ply", ply_of(more="property complex a\n"), "'property complex a'", id="ply type"),
+        pytest.param("a.ply", ply_of().replace("ascii", "baudot"), "its format is none of", id="ply format"),
+        pytest.param("a.ply", ply_of().replace("property float z\n", ""), "x, y and z", id="ply flat"),
+        pytest.param("a.ply", ply_of()[:100], "does not end", id="ply half a header"),
+        pytest.param("a.ply", ply_of(face_count=0), "has no triangles", id="ply points"),
+    ],
+)
+def test_broken_files_are_named(tmp_path, name, data, words):
+    for load in (lambda: read(tmp_path, name, data), lambda: rt.load_scene(tmp_path / name)):
+        with pytest.raises(ValueError, match=words) as caught:
+            load()
+        assert str(tmp_path / name) in str(caught.value)
+        assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("name", ["a.obj", "a.off", "a.ply"])
+def test_faces_of_fewer_than_three_corners_are_left_out(tmp_path, name):
+    text = getattr(mesh_texts, name[2:])(CORNERS, [(0, 1), (0, 1, 2, 3), (1,)])
+    with pytest.warns(UserWarning, match=rf"a\.{name[2:]}: faces of fewer than 3 corners are left out: 2"):
+        mesh = read(tmp_path, name, text)
+    np.testing.assert_array_equal(triangles(mesh), BOTH)
+
+
+def test_texture_coordinates_that_there_are_not_are_left_out(tmp_path):
+    with pytest.warns(UserWarning, match="texture coordinates that there are not"):
+        mesh = read(tmp_path, "a.obj", V + "vt 0 0\nf 1/1 2/1 3/2\nf 1/1 3/1 4/1\n")
+    np.testing.assert_array_equal(triangles(mesh), BOTH)
+    assert mesh.uvs is None
+
+
+# ------------------------------------------------------------------------------------------- what a file may reach
+
+TEXTURED = V + "vt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nusemtl a\nf 1/1 2/2 3/3 4/4\n"
+
+
+def textured_ply(picture: str) -> str:
+    text = f"ply\nformat ascii 1.0\ncomment TextureFile {picture}\nelement vertex 3\n"
+    text += "".join(f"property float {axis}\n" for axis in "xyzst")
+    text += "element face 1\nproperty list uchar int vertex_indices\nend_header\n"
+    return text + "0 0 0 0 0\n1 0 0 1 0\n1 1 0 1 1\n3 0 1 2\n"
+
+
+@pytest.fixture
+def folder(tmp_path):
+    """A folder with a picture, beside one that is no business of its files."""
+    for name in ("mine", "other"):
+        (tmp_path / name).mkdir()
+        PIL.Image.new("RGB", (2, 3), (255, 0, 0)).save(tmp_path / name / "red.png")
+        (tmp_path / name / "m.mtl").write_text("newmtl a\nKd 0.5 1 1\nmap_Kd red.png\n")
+    os.mkfifo(tmp_path / "mine" / "pipe.png")
+    os.mkfifo(tmp_path / "mine" / "pipe.mtl")
+    os.symlink(tmp_path / "other" / "red.png", tmp_path / "mine" / "link.png")
+    os.symlink(tmp_path / "other" / "m.mtl", tmp_path / "mine" / "link.mtl")
+    (tmp_path / "mine" / "notes.txt").write_text("newmtl a\nKd 1 0 0\n")
+    return tmp_path / "mine"
+
+
+def test_material_and_picture_beside_the_file(folder):
+    (folder / "a.obj").write_text("mtllib none.mtl\nmtllib ./m.mtl m.mtl\n" + TEXTURED)
+    (item,) = rt.load_scene(folder / "a.obj").objects
+    assert (item.material.diffuse, item.material.texture.size) == ((0.5, 1, 1), (2, 3))
+
+
+OUTSIDE = "is not a file in the folder of the scene, or below; .*trust=True"
+
+
+@pytest.mark.parametrize(
+    "name, words",
+    [
+        ("../other/m.mtl", OUTSIDE),
+        ("..\\other\\m.mtl", OUTSIDE),
+        ("link.mtl", OUTSIDE),
+        ("/dev/zero", OUTSIDE),
+        ("http://127.0.0.1:9/m.mtl", "is not"),
+        ("pipe.mtl", "is not a regular file"),
+        ("notes.txt", "is none of .mtl"),
+        ("a" * 5000 + ".mtl", "cannot"),
+        ("x\0.mtl", "is not the name of a file"),
+    ],
+)
+def test_material_files_elsewhere_are_refused(folder, name, words):
+    (folder / "a.obj").write_text(f"mtllib {name}\n" + TEXTURED)
+    with pytest.raises(ValueError, match=words) as caught:
+        rt.load_scene(folder / "a.obj")
+    assert str(folder / "a.obj") in str(caught.value)
+    assert len(str(caught.value)) < 500
+    # A mesh alone needs none.
+    assert len(rt.Mesh.from_file(folder / "a.obj").faces) == 2
+
+
+@pytest.mark.parametrize(
+    "name, words",
+    [
+        ("../other/red.png", OUTSIDE),
+        ("link.png", OUTSIDE),
+        ("/etc/passwd", OUTSIDE),
+        ("pipe.png", "is not a regular file"),
+        ("notes.txt", "is none of .png"),
+        ("m.mtl", "is none of .png"),
+    ],
+)
+@pytest.mark.parametrize("kind", ["obj", "ply"])
+def test_pictures_elsewhere_are_refused(folder, name, words, kind):
+    (folder / "m.mtl").write_text(f"newmtl a\nmap_Kd {name}\n")
+    (folder / "a.obj").write_text("mtllib m.mtl\n" + TEXTURED)
+    (folder / "a.ply").write_text(textured_ply(name))
+    with pytest.raises(ValueError, match=words) as caught:
+        rt.load_scene(folder / f"a.{kind}")
+    assert str(folder / f"a.{kind}") in str(caught.value)
+
+
+def test_trust_reaches_further(folder):
+    (folder / "a.obj").write_text("mtllib ../other/m.mtl\n" + TEXTURED)
+    (item,) = rt.load_scene(folder / "a.obj", trust=True).objects
+    assert item.material.texture.size == (2, 3)
+
+
+def test_materials_that_no_face_uses_are_not_looked_at(folder):
+    (folder / "m.mtl").write_text("newmtl a\nKd 0 1 0\nnewmtl b\nmap_Kd ../other/red.png\n")
+    (folder / "a.obj").write_text("mtllib m.mtl\n" + TEXTURED)
+    assert rt.load_scene(folder / "a.obj").objects[0].material.diffuse == (0, 1, 0)
+
+
+def test_a_picture_is_read_once_and_shared(folder):
+    (folder / "m.mtl").write_text("newmtl a\nmap_Kd red.png\nnewmtl b\nmap_Kd ./red.png\n")
+    (folder / "a.obj").write_text("mtllib m.mtl\n" + TEXTURED + "usemtl b\nf 1/1 2/2 3/3\n")
+    first, second = rt.load_scene(folder / "a.obj").objects
+    assert first.material.texture is second.material.texture
+
+
+@pytest.mark.parametrize(
+    "line, options",
+    [
+        ("red.png", None),
+        ("-s 2 2 2 -blendu on red.png", "-s 2 2 2 -blendu on"),
+        ("-o 1 my red.png", "-o 1"),
+        ("-mm 0 1 -clamp on red.png", "-mm 0 1 -clamp on"),
+    ],
+)
+def test_options_of_a_picture_are_left_out(folder, line, options):
+    (folder / "my red.png").write_bytes((folder / "red.png").read_bytes())
+    (folder / "m.mtl").write_text(f"newmtl a\nmap_Kd {line}\n")
+    (folder / "a.obj").write_text("mtllib m.mtl\n" + TEXTURED)
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        (item,) = rt.load_scene(folder / "a.obj").objects
+    assert item.material.texture.size == (2, 3)
+    assert [str(w.message).rpartition(": ")[2] for w in caught] == ([] if options is None else [repr(options)])
+
+
+@pytest.mark.parametrize(
+    "line, color",
+    [
+        ("Kd 0.5", (0.5, 0.5, 0.5)),
+        ("kd 0.5 0.25 0.125", (0.5, 0.25, 0.125)),
+        ("Kd 0.5 0.25 0.125 1", (0.5, 0.25, 0.125)),
+        ("Kd spectral gold.rfl", None),
+        ("Kd 1 2", None),
+    ],
+)
+def test_colours_of_materials(folder, line, color):
+    (folder / "m.mtl").write_text(f"newmtl a\n{line}\n")
+    (folder / "a.obj").write_text("mtllib m.mtl\n" + TEXTURED)
+    if color is None:
+        with pytest.warns(UserWarning, match=r"Kd '.*' of material 'a' in m\.mtl is left out"):
+            (item,) = rt.load_scene(folder / "a.obj").objects
+        assert item.material.diffuse == (1, 1, 1)
+    else:
+        assert rt.load_scene(folder / "a.obj").objects[0].material.diffuse == color
+
+
+def test_missing_picture_of_a_ply_is_warned_about(folder):
+    (folder / "a.ply").write_text(textured_ply("none.png"))
+    with pytest.warns(UserWarning, match=r"a\.ply: there is no picture 'none\.png'"):
+        (item,) = rt.load_scene(folder / "a.ply").objects
+    assert item.material.texture is None
+
+
+def test_other_kinds_need_trust(tmp_path, monkeypatch):
+    box = trimesh.creation.box()
+    box.export(tmp_path / "a.glb")
+    np.testing.assert_array_equal(triangles(rt.Mesh.from_file(tmp_path / "a.glb", trust=True)), box.triangles)
+    monkeypatch.setattr(trimesh, "load_scene", None)
+    for name in ("a.glb", "a.zip", "a.3mf", "a"):
+        (tmp_path / name).write_bytes(b"PK\3\4")
+        with pytest.raises(ValueError, match=r"meshes are \.obj \.ply \.stl \.off; trust=True"):
+            rt.Mesh.from_file(tmp_path / name)
+        with pytest.raises(ValueError, match=r"cannot read .* as a mesh: TypeError"):
+            rt.Mesh.from_file(tmp_path / name, trust=True)
+
+
+def test_a_pipe_is_no_mesh(folder):
+    os.mkfifo(folder / "a.ply")
+    for load in (rt.Mesh.from_file, rt.load_scene):
+        with pytest.raises(ValueError, match="not a regular file"):
+            load(folder / "a.ply")
+
+
+@pytest.mark.parametrize(
+    "name, text",
+    [
+        ("a.obj", V + "".join(f"usemtl {k}\nf 1 2 3\n" for k in range(4000))),
+        (
+            "a.stl",
+            SOLID.replace("\n  facet", "\nfacet") + "vertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendsolid\n" * 5000,
+        ),
+    ],
+)
+def test_too_many_parts_need_trust(tmp_path, name, text):
+    with pytest.raises(ValueError, match=r"objects in all, .*trust=True"):
+        read(tmp_path, name, text)
+    assert len(read(tmp_path, name, text, trust=True).faces) >= 3000
+
+
+# ----------------------------------------------------------------------------------------------- files at random
+
+
+def good_files(seed: int) -> dict[str, bytes]:
+    rng = np.random.default_rng(seed)
+    vertices, polygons, _ = mesh_texts.random_polygons(rng, 5, 7)
+    uv = b"vt 0 0\nvt 1 0\nvt 1 1\nmtllib m.mtl\nusemtl a\nf 1/1 2/2/1 3/3\nusemtl b\nf -1/-1 -2/-2 -3//1\n"
+    return {
+        "obj": mesh_texts.obj(vertices, polygons) + uv,
+        "off": mesh_texts.off(vertices, polygons),
+        "stl": mesh_texts.stl(vertices, polygons),
+        "text.stl": (SOLID * 2).encode(),
+        "text.ply": mesh_texts.ply(vertices, polygons),
+        "uv.ply": textured_ply("red.png").encode(),
+        "little.ply": mesh_texts.ply(vertices, polygons, "binary_little_endian", face_extra="red", extra=[9] * 5),
+        "big.ply": mesh_texts.ply(vertices, polygons, "binary_big_endian", "ushort", "short"),
+        "mtl": b"newmtl a\nKd 1 0.5 1\nmap_Kd -s 1 1 1 red.png\nnewmtl b\nKd 1\nmap_Kd red.png\n",
+    }
+
+
+WORDS = [b"-1", b"0", b"99999999999", b"nan", b"1e999", b"/", b"//", b"\\\n", b"#", b"\n", b" ", b"element ", b"list "]
+WORDS += [
+    b"end_header\n",
+    b"property ",
+    b"f ",
+    b"v ",
+    b"usemtl ",
+    b"solid ",
+    b"endsolid\n",
+    b"vertex ",
+    b"\0",
+    b"\xff\xff",
+]
+
+
+def mutated(rng, data: bytes) -> bytes:
+    """With bytes flipped, cut out, given again, put in, or cut off."""
+    data = bytearray(data)
+    for _ in range(int(rng.integers(1, 5))):
+        k, size = int(rng.integers(len(data) + 1)), int(rng.choice([1, 1, 2, 4, 16, 200]))
+        way = rng.integers(6)
+        if way == 0:
+            data[k : k + 1] = bytes([rng.integers(256)])
+        elif way == 1:
+            del data[k : k + size]
+        elif way == 2:
+            data[k:k] = data[k : k + size]
+        elif way == 3:
+            data[k:k] = WORDS[rng.integers(len(WORDS))]
+        elif way == 4 and rng.random() < 0.3:
+            del data[k:]
+        elif k < len(data):
+            data[k] ^= 1 << int(rng.integers(8))
+        data = data or bytearray(b"\n")
+    return bytes(data)
+
+
+def check_mutated(folder, seed: int) -> bool:
+    """Reads a broken file; whether it was refused."""
+    rng = np.random.default_rng(seed)
+    files = good_files(seed % 7)
+    kind = list(files)[rng.integers(len(files))]
+    files[kind] = mutated(rng, files[kind])
+    name = "a." + (kind if kind != "mtl" else "obj")
+    (folder / name).write_bytes(files[kind if kind != "mtl" else "obj"])
+    (folder / "m.mtl").write_bytes(files["mtl"])
+    refused = False
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)
+        for load in (rt.Mesh.from_file, rt.load_scene):
+            try:
+                result = load(folder / name)
+                mesh = result if load == rt.Mesh.from_file else result.objects[0].shape
+                assert np.isfinite(mesh.vertices).all()
+            except (ValueError, OSError) as error:
+                assert name in str(error)
+                assert len(str(error)) < 1000
+                refused = True
+    return refused
+
+
+@settings(max_examples=60)
+@given(seed=st.integers(0, 10**6))
+def test_broken_files_raise_nothing_else(shared_folder, seed):
+    check_mutated(shared_folder, seed)
+
+
+@pytest.mark.long
+@settings(max_examples=20_000)
+@given(seed=st.integers(0, 10**9))
+def test_many_broken_files_raise_nothing_else(shared_folder, seed):
+    check_mutated(shared_folder, seed)
+
+
+def test_mutations_break_files_and_leave_some_whole(shared_folder):
+    refused = sum(check_mutated(shared_folder, seed) for seed in range(40))
+    assert 5 < refused < 35

@@ -1,0 +1,148 @@
+"""Triangles of one polygon in the plane, cut off corner by corner (Meisters 1975)."""
+
+from bisect import bisect_left, bisect_right
+from collections import deque
+
+import numpy as np
+
+from .file_rules import ADVICE
+from .orientation import turn
+
+TEST_COST = 5000
+"""Time that a look at a corner takes, counted in comparisons of NumPy."""
+FREE_COST = 5_000_000_000
+COST_PER_CORNER = 50_000
+"""Common polygons take three looks for each corner; 10^10 comparisons, some 20 s."""
+FEW = 32
+"""So many corners are looked through in Python as fast as in NumPy."""
+
+
+class Effort:
+    """What the polygons of a file may cost, which grows with the square of their corners at worst."""
+
+    def __init__(self, corner_count: int, is_limited: bool = True):
+        self._left = FREE_COST + COST_PER_CORNER * corner_count if is_limited else float("inf")
+
+    def spend(self, cost: int) -> None:
+        """Raises ValueError when nothing is left."""
+        self._left -= cost
+        if self._left < 0:
+            raise ValueError(f"cutting its polygons into triangles takes too long; {ADVICE}")
+
+
+def cut_ears(points: np.ndarray, effort: Effort) -> list[tuple[int, int, int]]:
+    """The n - 2 triangles of a polygon, which together cover it once, as numbers of its corners.
+
+    points: (n, 2), n >= 3, counterclockwise, at most 1 in size. An ear is cut only if no corner lies in it or on its
+    edge, so corners on a straight line are not jumped over. Polygons may touch themselves at corners, as those with a
+    cut to a hole do. Those that cross themselves get triangles too, and no promise.
+    """
+    return _Ring(points, effort).triangles()
+
+
+class _Ring:
+    """What is left of a polygon."""
+
+    def __init__(self, points: np.ndarray, effort: Effort):
+        self._effort = effort
+        self._point = [(x, y) for x, y in points.tolist()]
+        self._left = count = len(points)
+        self._before = [count - 1, *range(count - 1)]
+        self._after = [*range(1, count), 0]
+        self._turn = [self._turn_at(k) for k in range(count)]
+        self._start = 0
+        # Only corners that are not convex need to be looked for in an ear: of those in it, the one farthest from its
+        # open side is never convex.
+        self._blocking = np.array([t <= 0 for t in self._turn])
+        self._order = sorted(np.flatnonzero(self._blocking).tolist(), key=lambda k: self._point[k])
+        self._xs = [self._point[k][0] for k in self._order]
+        self._ys = np.array([self._point[k][1] for k in self._order])
+        self._numbers = np.array(self._order, dtype=np.int64)
+
+    def _turn_at(self, k: int) -> float:
+        return turn(self._point[self._before[k]], self._point[k], self._point[self._after[k]])
+
+    def triangles(self) -> list[tuple[int, int, int]]:
+        found = []
+        spikes = [k for k in range(self._left) if self._is_spike(k)]
+        waiting = deque(k for k, t in enumerate(self._turn) if t > 0)
+        is_waiting = [t > 0 for t in self._turn]
+        while self._left > 3:
+            if spikes:
+                k = spikes.pop()
+                if self._before[k] < 0 or not self._is_spike(k):
+                    continue
+            elif waiting:
+                k = waiting.popleft()
+                is_waiting[k] = False
+                if self._before[k] < 0 or not (self._turn[k] > 0 and self._is_empty(k, with_edges=True)):
+                    continue
+            else:
+                k = self._least_bad()
+            found.append((self._before[k], k, self._after[k]))
+            for neighbour in self._cut(k):
+                if self._turn[neighbour] > 0 and not is_waiting[neighbour]:
+                    is_waiting[neighbour] = True
+                    waiting.append(neighbour)
+                elif self._is_spike(neighbour):
+                    spikes.append(neighbour)
+        k = self._start
+        return [*found, (self._before[k], k, self._after[k])]
+
+    def _cut(self, k: int) -> tuple[int, int]:
+        """Takes a corner out; returns its neighbours."""
+        before, after = self._before[k], self._after[k]
+        self._after[before], self._before[after] = after, before
+        self._before[k] = -1
+        self._blocking[k] = False
+        self._start = after
+        self._left -= 1
+        for neighbour in (before, after):
+            self._turn[neighbour] = self._turn_at(neighbour)
+            if self._turn[neighbour] > 0:
+                self._blocking[neighbour] = False
+        return before, after
+
+    def _is_spike(self, k: int) -> bool:
+        """Whether a corner without area turns back, or is at the place of a neighbour: nothing is lost with it."""
+        (x0, y0), (x, y), (x1, y1) = (self._point[i] for i in (self._before[k], k, self._after[k]))
+        return self._turn[k] == 0 and (x - x0) * (x1 - x) + (y - y0) * (y1 - y) <= 0
+
+    def _is_empty(self, k: int, with_edges: bool) -> bool:
+        """Whether no corner lies inside an ear, or on its edge; corners at the places of its own do not count."""
+        ear = (self._before[k], k, self._after[k])
+        a, b, c = (self._point[i] for i in ear)
+        for i in self._near((a, b, c)):
+            p = self._point[i]
+            if p in (a, b, c):
+                continue
+            sides = turn(a, b, p), turn(b, c, p), turn(c, a, p)
+            if min(sides) > 0 or (with_edges and min(sides) == 0):
+                return False
+        return True
+
+    def _near(self, corners: tuple) -> list[int]:
+        """Corners that are not convex in the box of a triangle."""
+        (x0, y0), (x1, y1), (x2, y2) = corners
+        first = bisect_left(self._xs, min(x0, x1, x2))
+        last = bisect_right(self._xs, max(x0, x1, x2), lo=first)
+        low, high = min(y0, y1, y2), max(y0, y1, y2)
+        self._effort.spend(TEST_COST + last - first)
+        if last - first <= FEW:
+            near = self._order[first:last]
+            return [i for i in near if self._blocking[i] and low <= self._point[i][1] <= high]
+        numbers, y = self._numbers[first:last], self._ys[first:last]
+        return numbers[(low <= y) & (y <= high) & self._blocking[numbers]].tolist()
+
+    def _least_bad(self) -> int:
+        """Where no ear is left, a polygon touches or crosses itself: a corner without area, or an ear almost empty."""
+        ring, k = [], self._start
+        for _ in range(self._left):
+            ring.append(k)
+            k = self._after[k]
+        self._effort.spend(100 * len(ring))
+        flat = next((k for k in ring if self._turn[k] == 0), None)
+        if flat is not None:
+            return flat
+        convex = [k for k in ring if self._turn[k] > 0]
+        return next((k for k in convex if self._is_empty(k, with_edges=False)), (convex or ring)[0])
