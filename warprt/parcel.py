@@ -121,6 +121,7 @@ def make_tracer(recipe: Recipe, device, budget: int) -> "Tracer":
     from .tracer import Tracer
 
     tracer = Tracer(recipe.scene, recipe.accuracy, device, recipe.accelerator, place.threads(), budget)
+    tracer.spacing.is_silent = True  # the process that asks says so
     for first, matrices in recipe.moved:
         tracer.set_transforms(first, matrices)
     return tracer
