@@ -2,13 +2,13 @@
 
 import warp as wp
 
-from .error import make_t_error
+from .error import make_t_error, position_error
 from .making import once
 from .memory import make_at, vec3d_at
 from .packet import make_store_packet, make_trace_packet, packet_struct
-from .rounding import real_above
-from .spec import Search, Spec, Tier
-from .structs import WIDE, hit_arrays_struct, hit_struct, rays_struct, scene_struct, vec3
+from .rounding import bound_above, real_above
+from .spec import Search, Spec, Stored, Tier
+from .structs import WIDE, bounded_arrays_struct, hit_arrays_struct, hit_struct, rays_struct, scene_struct, vec3
 from .surface import leave, make_surface
 from .trace import make_primitive_id, make_trace
 
@@ -32,14 +32,22 @@ def make_load_ray(wide):
     return load_ray
 
 
+def arrays_struct(spec: Spec, stored: Stored):
+    """Where hits are stored of which so much is wanted."""
+    return (bounded_arrays_struct if stored == Stored.BOUNDED else hit_arrays_struct)(spec.tier.result)
+
+
 @once
-def make_store_surface(spec: Spec):
-    """Stores what only the surface at a hit of ray k tells: point, normal, weights, bound, those that are asked for."""
+def make_store_surface(spec: Spec, stored: Stored):
+    """Stores what only the surface at a hit of ray k tells: point, normal, weights, bounds, those that are asked for.
+
+    Only with `Stored.BOUNDED` does code for the bound of the point exist.
+    """
     real, wide = spec.tier.result, spec.tier.wide
     vec, vec2 = vec3(real), wp.types.vector(2, real)
-    Scene, Arrays, Hit = scene_struct(spec), hit_arrays_struct(real), hit_struct(wide)
+    Scene, Arrays, Hit = scene_struct(spec), arrays_struct(spec, stored), hit_struct(wide)
     surface, load_ray = make_surface(spec), make_load_ray(wide)
-    has_error = spec.tier is not Tier.FAST
+    has_error, is_bounded = spec.tier is not Tier.FAST, stored == Stored.BOUNDED
     bound = make_t_error(spec) if has_error else None
 
     @wp.func
@@ -50,6 +58,11 @@ def make_store_surface(spec: Spec):
             s = surface(scene, o, d, t_min, hit)
             position, normal, uv = vec(s.position), vec(s.normal), vec2(real(s.u), real(s.v))
             t_error = real(wp.nan)
+            if wp.static(is_bounded):
+                off = real(wp.nan)
+                if wp.static(has_error):
+                    off = bound_above(position_error(wp.vec3d(position), o, d, hit.t, bound(scene, o, d, hit, s)), off)
+                hits.position_error[at] = off
             if wp.static(has_error):
                 if hits.t_error.shape[0] > 0:
                     rounding = wp.abs(wide(real(hit.t)) - hit.t)
@@ -62,17 +75,20 @@ def make_store_surface(spec: Spec):
             hits.uv[at] = uv
         if hits.t_error.shape[0] > 0:
             hits.t_error[at] = t_error
+        if wp.static(is_bounded):
+            if hit.instance < 0:
+                hits.position_error[at] = real(0.0)
 
     return store_surface
 
 
 @once
-def make_cast(spec: Spec, full: bool):
-    """Closest hits of one ray a thread. Only with `full` does code for points, normals and weights exist."""
-    real, load_ray = spec.tier.result, make_load_ray(spec.tier.wide)
-    Scene, Arrays = scene_struct(spec), hit_arrays_struct(real)
+def make_cast(spec: Spec, stored: Stored):
+    """Closest hits of one ray a thread. Code for points, normals and weights exists only where they are stored."""
+    real, load_ray, full = spec.tier.result, make_load_ray(spec.tier.wide), stored >= Stored.FULL
+    Scene, Arrays = scene_struct(spec), arrays_struct(spec, stored)
     trace, primitive_id = make_trace(spec, Search.CLOSEST), make_primitive_id(spec)
-    store_surface = make_store_surface(spec) if full else None
+    store_surface = make_store_surface(spec, stored) if full else None
 
     @wp.kernel(module="unique", enable_backward=False, module_options=spec.tier.options)
     def cast(scene: Scene, rays: Rays, hits: Arrays, first: int):

@@ -6,15 +6,14 @@ be run again with room enough.
 
 import warp as wp
 
-from .cast import make_load_ray, make_store_surface
+from .cast import arrays_struct, make_load_ray, make_store_surface
 from .making import once
 from .rounding import up_to_t_max
 from .settle import make_settle
-from .spec import Search, Spec
+from .spec import Search, Spec, Stored
 from .structs import (
     crossed_struct,
     gathered_struct,
-    hit_arrays_struct,
     hit_struct,
     make_struct,
     rays_struct,
@@ -78,12 +77,12 @@ def make_gather_all(spec: Spec):
 
 
 @once
-def make_store_all(spec: Spec, full: bool):
-    """Stores the hits of each task from where those of its ray begin. Only with `full` does code for points exist."""
-    wide, real = spec.tier.wide, spec.tier.result
-    Scene, Tasks, Arrays, Hit = scene_struct(spec), tasks_struct(wide), hit_arrays_struct(real), hit_struct(wide)
+def make_store_all(spec: Spec, stored: Stored):
+    """Stores the hits of each task from where those of its ray begin. Code for points exists only where they are."""
+    wide, real, full = spec.tier.wide, spec.tier.result, stored >= Stored.FULL
+    Scene, Tasks, Arrays, Hit = scene_struct(spec), tasks_struct(wide), arrays_struct(spec, stored), hit_struct(wide)
     primitive_id = make_primitive_id(spec)
-    store_surface = make_store_surface(spec) if full else None
+    store_surface = make_store_surface(spec, stored) if full else None
 
     @wp.kernel(module="unique", enable_backward=False, module_options=spec.tier.options)
     def store_all(

@@ -1,4 +1,4 @@
-"""How far the parameter of a hit can be from the exact one: `t_error`, derived in docs/numerics.md.
+"""How far the parameter and the point of a hit can be from the exact ones, derived in docs/numerics.md.
 
 Afterwards, and in float64: the point that the parameter stands for is put into the equation of the surface. What is
 left over, and what this evaluation may be off by, divided by how fast the ray crosses the surface, bounds the error.
@@ -9,12 +9,38 @@ import warp as wp
 from .crossing import Crossing, crossing_at, plane_error, sphere_error, wall_error
 from .making import once
 from .memory import int_at, make_at
-from .rounding import largest, unit_roundoff
+from .rounding import largest, power_of_two_below, unit_roundoff
 from .solid import has_solid, is_solid
 from .solid_error import make_solid_error
 from .spec import ShapeKind, Spec
 from .structs import WIDE, hit_struct, mat33, scene_struct, surface_struct, vec3
 from .surface import make_edges
+
+
+@wp.func
+def length_above(v: wp.vec3d):
+    """|v|, not below the exact length; infinite where there is none."""
+    total = v[0] + v[1] + v[2]
+    if not total < WIDE(wp.inf):
+        return WIDE(wp.inf)
+    if total == WIDE(0.0):
+        return WIDE(0.0)
+    # Scaled by a power of two, squares neither overflow nor vanish. Four roundings of the sum and its root, halved.
+    scale = power_of_two_below(largest(v))
+    scaled = scale * v
+    return wp.sqrt(wp.dot(scaled, scaled)) / scale * (WIDE(1.0) + WIDE(8.0) * unit_roundoff(total))
+
+
+@wp.func
+def position_error(p: wp.vec3d, o: wp.vec3d, d: wp.vec3d, t: WIDE, t_error: WIDE):
+    """Bound of |p - (o + t* d)|, for a point as it is reported and |t - t*| <= t_error."""
+    u = unit_roundoff(t)
+    step = t * d
+    at = o + step
+    off = p - at
+    # One rounding each of the product, the sum and the difference; two of each component of what is added up here.
+    off_error = u * (wp.abs(step) + wp.abs(at) + wp.abs(off))
+    return length_above(wp.abs(off) + off_error + t_error * wp.abs(d)) * (WIDE(1.0) + WIDE(8.0) * u)
 
 
 @once

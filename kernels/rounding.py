@@ -63,6 +63,18 @@ def real_above(x: Wide, like: Real):
 
 
 @wp.func
+def bound_above(x: wp.float64, like: wp.float32):
+    """A size in float32, at least as large as x: also where that is less than any normal float32."""
+    return real_above(x, like) + wp.float32(1.1754943508222875e-38)
+
+
+@wp.func
+def bound_above(x: wp.float64, like: wp.float64):
+    """The size itself."""
+    return x
+
+
+@wp.func
 def rounding_of_sum(a: Real, b: Real):
     """More than what b can differ by while a + b rounds to the same float."""
     return type(a)(4.0) * unit_roundoff(a) * (wp.abs(a) + wp.abs(b))

@@ -78,6 +78,17 @@ class Search(Enum):
     """The closest, and what it took to find it."""
 
 
+class Stored(IntEnum):
+    """How much of a hit is stored, and so which code exists. Each has what the one before it has."""
+
+    BRIEF = 0
+    """What the search itself finds: t and ids."""
+    FULL = 1
+    """And what the surface tells: point, normal, weights, the bound of t."""
+    BOUNDED = 2
+    """And the bound of the point."""
+
+
 @dataclass(frozen=True)
 class Spec:
     """Geometry of a scene as far as it decides which code exists."""

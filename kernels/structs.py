@@ -318,22 +318,29 @@ def rays_struct():
     )
 
 
+def _hit_arrays(real) -> dict:
+    return {
+        "hit": wp.array(dtype=wp.bool),
+        "t": wp.array(dtype=real),
+        "instance_id": wp.array(dtype=wp.int32),
+        "primitive_id": wp.array(dtype=wp.int32),
+        "position": wp.array(dtype=vec3(real)),
+        "normal": wp.array(dtype=vec3(real)),
+        "uv": wp.array(dtype=wp.types.vector(2, real)),
+        "t_error": wp.array(dtype=real),
+    }
+
+
 @once
 def hit_arrays_struct(real):
     """Where hits are stored. A field nobody asked for is an empty array."""
-    return make_struct(
-        "HitArrays",
-        {
-            "hit": wp.array(dtype=wp.bool),
-            "t": wp.array(dtype=real),
-            "instance_id": wp.array(dtype=wp.int32),
-            "primitive_id": wp.array(dtype=wp.int32),
-            "position": wp.array(dtype=vec3(real)),
-            "normal": wp.array(dtype=vec3(real)),
-            "uv": wp.array(dtype=wp.types.vector(2, real)),
-            "t_error": wp.array(dtype=real),
-        },
-    )
+    return make_struct("HitArrays", _hit_arrays(real))
+
+
+@once
+def bounded_arrays_struct(real):
+    """The same where the bound of the point is stored too."""
+    return make_struct("BoundedArrays", {**_hit_arrays(real), "position_error": wp.array(dtype=real)})
 
 
 @once

@@ -13,7 +13,7 @@ from warprt.kernels.cast_all import make_gather_all, make_store_all, tasks_struc
 from warprt.kernels.structs import crossed_struct
 
 from .assemble import SceneState
-from .hits import BRIEF, FIELDS, copied, field_names, field_types, hit_arrays, on_host
+from .hits import FIELDS, KNOWN, copied, field_names, field_types, hit_arrays, on_host, stored
 from .launch import launch
 from .rays import RayPart, Rays
 from .typing import Array
@@ -30,7 +30,7 @@ def all_field_names(outputs) -> tuple[str, ...]:
     """The fields that `outputs` asks for, or a ValueError that names the one that does not exist."""
     names = ALL_FIELDS if isinstance(outputs, str) and outputs == "all" else field_names(outputs)
     if "hit" in names:
-        raise ValueError(f"outputs must be among {', '.join(ALL_FIELDS)}, or 'all'; all hits are hits")
+        raise ValueError(f"outputs must be among {', '.join(KNOWN[1:])}, or 'all'; all hits are hits")
     return names
 
 
@@ -58,6 +58,8 @@ class AllHits:
     """(m,) int32, the face of a mesh; 0 on other shapes."""
     t_error: Array
     """(m,) bound on `|t - t*|`, as in `Hits`."""
+    position_error: Array
+    """(m,) bound on `|position - p*|`, as in `Hits`; only where `outputs` names it."""
 
     def __init__(self, shape: tuple[int, ...], offsets: Array, fields: dict[str, Array]):
         self.shape = shape
@@ -77,7 +79,7 @@ class AllHits:
         return AllHits(self.shape, self.offsets, {name: self.__dict__[name] for name in self._names})
 
     def __getattr__(self, name: str):
-        if name in ALL_FIELDS:
+        if name in KNOWN[1:]:
             raise AttributeError(f"{name} was not computed: name it in outputs=, which were {', '.join(self._names)}")
         raise AttributeError(f"AllHits has no field {name!r}")
 
@@ -108,7 +110,7 @@ class Wanted:
 
     @property
     def gathered(self) -> int:
-        """Hits at a time: those gathered, twice, and all fields of those stored take 224 bytes each."""
+        """Hits at a time: those gathered, twice, and all fields of those stored take 232 bytes each."""
         return max(ROOM, min(GATHERED, self.budget // 256))
 
 
@@ -223,7 +225,7 @@ def _piece(part: RayPart, want: Wanted, batches: list) -> Piece:
     types = field_types(scene.spec.tier.result)
     fields = {name: wp.empty(total, dtype=types[name], device=scene.device) for name in want.names}
     arrays = hit_arrays(scene.spec.tier.result, fields)
-    kernel = make_store_all(scene.spec, not set(want.names) <= set(BRIEF))
+    kernel = make_store_all(scene.spec, stored(want.names))
     starts = wp.array(offset.astype(np.int32), dtype=wp.int32, device=scene.device)
     for tasks in batches:
         inputs = [scene.struct, part.struct, tasks, starts, arrays]

@@ -1,13 +1,14 @@
 """Results of casting rays."""
 
 import copy
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING
 
 import numpy as np
 import warp as wp
 
-from warprt.kernels.structs import hit_arrays_struct, vec3
+from warprt.kernels.spec import Stored
+from warprt.kernels.structs import bounded_arrays_struct, hit_arrays_struct, vec3
 
 from .typing import Array, ArrayLike
 
@@ -18,12 +19,23 @@ if TYPE_CHECKING:
 BRIEF = ("hit", "t", "instance_id", "primitive_id")
 """Fields that need nothing but the search for the closest hit."""
 FIELDS = (*BRIEF, "position", "normal", "uv", "t_error")
+"""What "all" stands for."""
+KNOWN = (*FIELDS, "position_error")
+"""All that may be asked for by name."""
 
 
 def field_types(real: type) -> dict[str, type]:
     """The device type of each field."""
     vec2 = wp.types.vector(2, real)
-    return dict(zip(FIELDS, (wp.bool, real, wp.int32, wp.int32, vec3(real), vec3(real), vec2, real), strict=True))
+    types = (wp.bool, real, wp.int32, wp.int32, vec3(real), vec3(real), vec2, real, real)
+    return dict(zip(KNOWN, types, strict=True))
+
+
+def stored(names: Iterable[str]) -> Stored:
+    """How much a kernel must store for these fields."""
+    if "position_error" in names:
+        return Stored.BOUNDED
+    return Stored.BRIEF if set(names) <= set(BRIEF) else Stored.FULL
 
 
 def field_names(outputs) -> tuple[str, ...]:
@@ -35,8 +47,8 @@ def field_names(outputs) -> tuple[str, ...]:
     except TypeError:
         raise ValueError(f"outputs must be names of fields, or 'all'; got {outputs!r}") from None
     for name in names:
-        if name not in FIELDS:
-            raise ValueError(f"outputs must be among {', '.join(FIELDS)}, or 'all'; got {name!r}")
+        if name not in KNOWN:
+            raise ValueError(f"outputs must be among {', '.join(KNOWN)}, or 'all'; got {name!r}")
     return names
 
 
@@ -69,6 +81,11 @@ class Hits:
 
     Infinite where there is none (a sliver, a ray in the plane of what it meets); NaN in `fast`.
     """
+    position_error: Array
+    """(...) bound on `|position - p*|`, the Euclidean distance to `p* = o + t* d`, `t*` being that of `t_error`.
+
+    Only where `outputs` names it: "all" leaves it out. Infinite and NaN as `t_error` is; 0 for a miss.
+    """
 
     def __init__(self, fields: dict[str, Array], rays: "Rays", tracer: "Tracer"):
         self.__dict__.update(fields)
@@ -93,7 +110,7 @@ class Hits:
         return other
 
     def __getattr__(self, name: str):
-        if name in FIELDS:
+        if name in KNOWN:
             raise AttributeError(f"{name} was not computed: name it in outputs=, which were {', '.join(self._names)}")
         raise AttributeError(f"Hits has no field {name!r}")
 
@@ -127,7 +144,7 @@ def copied(values: Array) -> Array:
 
 def hit_arrays(real: type, fields: dict[str, wp.array]):
     """Where hits are to be stored, as kernels take it."""
-    arrays = hit_arrays_struct(real)()
+    arrays = (bounded_arrays_struct if "position_error" in fields else hit_arrays_struct)(real)()
     for name, array in fields.items():
         setattr(arrays, name, array)
     return arrays

@@ -124,7 +124,9 @@ def make_tracer(recipe: Recipe, device, budget: int) -> "Tracer":
     from .tracer import remade_tracer
 
     settings = {"accuracy": recipe.accuracy, "accelerator": recipe.accelerator, "threads": place.threads()}
-    return remade_tracer(recipe.scene, {**settings, "device": device, "budget": budget}, recipe.moved)
+    tracer = remade_tracer(recipe.scene, {**settings, "device": device, "budget": budget}, recipe.moved)
+    tracer.spacing.is_silent = True  # the process that asks says so
+    return tracer
 
 
 @contextmanager

@@ -37,7 +37,7 @@ class Placements:
         self.device = device
         self._wide = wide
         self._is_grid_wanted = grid
-        self._canonicals = canonicals
+        self.canonicals = canonicals
         number = {id(shape): k for k, shape in enumerate(shapes)}
         counts = [1 if isinstance(item, Instance) else len(item) for item in scene.objects]
         self.shape = np.repeat([number[id(item.shape)] for item in scene.objects], counts).astype(np.int32)
@@ -94,14 +94,14 @@ class Placements:
     def reshape(self, canonicals: list, changed: list[int]) -> None:
         """Takes note that some shapes, by their numbers, have other centres, scales or bounds."""
         rows = np.flatnonzero(np.isin(self.shape, changed))
-        before, self._canonicals = self._canonicals, canonicals
+        before, self.canonicals = self.canonicals, canonicals
         if len(rows) == 0:
             return
         try:
             # One range, so that nothing has changed when it raises; what else lies in it stays as it is.
             self._place(slice(int(rows[0]), int(rows[-1]) + 1))
         except ValueError:
-            self._canonicals = before
+            self.canonicals = before
             raise
         self._relist(rows)
 
@@ -142,8 +142,8 @@ class Placements:
     def _place(self, rows: slice) -> None:
         """What follows from the matrices of some instances, here and on the device. Raises before any change."""
         shape = self.shape[rows]
-        center = np.array([c.center for c in self._canonicals]).reshape(-1, 3)[shape]
-        scale = np.array([c.scale for c in self._canonicals]).reshape(-1)[shape]
+        center = np.array([c.center for c in self.canonicals]).reshape(-1, 3)[shape]
+        scale = np.array([c.scale for c in self.canonicals]).reshape(-1)[shape]
         given = self.world_from_local[rows, :3, :3]
         origin, origin_error = images(given, self.world_from_local[rows, :3, 3], center)
         with np.errstate(over="ignore"):
@@ -164,9 +164,7 @@ class Placements:
 
     def _world_bounds(self, linear: np.ndarray, origin: np.ndarray, shape: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(n, 3) corners of padded world bounds; infinite for planes."""
-        lower, upper = (
-            np.array([c.corners(c.pad) for c in self._canonicals]).reshape(-1, 2, 3)[shape].transpose(1, 0, 2)
-        )
+        lower, upper = np.array([c.corners(c.pad) for c in self.canonicals]).reshape(-1, 2, 3)[shape].transpose(1, 0, 2)
         center = np.einsum("nij,nj->ni", linear, (lower + upper) / 2) + origin
         half = np.einsum("nij,nj->ni", np.abs(linear), (upper - lower) / 2)
         is_sphere = self._shape_kind[shape] == int(ShapeKind.SPHERE)
@@ -191,7 +189,7 @@ class Placements:
             return np.empty((0, 3))
         chosen = bounded[rng.integers(0, len(bounded), count)]
         lower, upper = (
-            np.array([getattr(c, name) for c in self._canonicals])[self.shape[chosen]] for name in ("lower", "upper")
+            np.array([getattr(c, name) for c in self.canonicals])[self.shape[chosen]] for name in ("lower", "upper")
         )
         local = rng.uniform(lower, upper)
         return np.einsum("nij,nj->ni", self.canonical_linear[chosen], local) + self.canonical_origin[chosen]

@@ -17,7 +17,7 @@ from .typing import Array, ArrayLike
 
 LARGEST, SMALLEST = 1e100, 1e-100
 """Finite components of rays beyond these sizes could overflow inside; NumPy rays that have them are refused."""
-BYTES = 160
+BYTES = 168
 """Of a ray in float64 with its limits, and of all that can be asked of it."""
 
 

@@ -13,7 +13,7 @@ from warprt.kernels import making
 from warprt.kernels.cast import make_cast, make_cast_packets, make_occluded, make_occluded_packets, make_spawn
 from warprt.kernels.pixels import make_albedo, make_effort
 from warprt.kernels.render import make_render
-from warprt.kernels.spec import Projection, Tier
+from warprt.kernels.spec import Projection, Stored, Tier
 
 from . import checks
 from .all_hits import MOST_HITS, AllHits, Wanted, all_field_names, all_hits, hit_counts, joined_hits
@@ -22,7 +22,7 @@ from .camera import Camera
 from .cameras import CAMERAS, AnyCamera
 from .farm import work
 from .film import FILM, Film, is_measured
-from .hits import BRIEF, Hits, by_parts, field_names, field_types, hit_arrays
+from .hits import Hits, by_parts, field_names, field_types, hit_arrays, stored
 from .image import EFFORT, Image, output_names
 from .launch import default_threads, launch, launch_packets, load, require_usable
 from .memory import convert
@@ -31,6 +31,7 @@ from .parcel import recipe_of
 from .progress import Bar
 from .rays import BYTES, RayPart, Rays, as_directions, as_rays
 from .scene import Scene
+from .spacing import Spacing
 from .tiles import BATCH_RAYS, TILE_RAYS, Rows, picture_tiles, ray_tiles
 from .typing import Array, ArrayLike
 from .walk import CellWalk, walk_cells
@@ -107,6 +108,9 @@ class Tracer:
         self.tile_rays: int | None = None
         """Rays of a piece of work for an executor; docs/scaling.md gives those of None."""
         self._is_moved = np.zeros(scene.instance_count, bool)
+        self.spacing = Spacing(self._device_scene.placements, self._device_scene.shapes, accuracy)
+        """Whether positions tell apart what the scene holds."""
+        self.spacing.is_silent = tier.result is wp.float64
         self._look: tuple | None = None
         """Which meshes have normals, compile-time choices, struct."""
 
@@ -150,8 +154,8 @@ class Tracer:
 
         origins, directions: (..., 3) numbers of any leading shape, which broadcast, or arrays on the tracer's device:
         Warp arrays of vec3 or vec3d, or what has `__dlpack__` (PyTorch, CuPy, JAX), which are used where they lie. d
-        need not be unit. Limits are one number or one per ray. outputs: "all" or names of `Hits` fields; only those
-        are computed and stored. Rays that are none (NaN, zero direction) miss.
+        need not be unit. Limits are one number or one per ray. outputs: "all", which is all but `position_error`, or
+        names of `Hits` fields; only those are computed and stored. Rays that are none (NaN, zero direction) miss.
 
         executor: any of `concurrent.futures`, to which rays from NumPy go in parts; its workers unpack the scene once
         and have devices of the tracer's kind. The result is the same, bit for bit; see docs/scaling.md.
@@ -161,12 +165,13 @@ class Tracer:
         names = field_names(outputs)
         rays = self._rays(origins, directions, t_min, t_max)
         if executor is not None and rays.count:
-            return Hits(self._shared_out("cast", rays, executor, {"outputs": names}), rays, self)
-        spec, is_full = self._device_scene.spec, not set(names) <= set(BRIEF)
-        in_packets = spec.in_packets and not is_full
-        kernel = make_cast_packets(spec) if in_packets else make_cast(spec, is_full)
+            fields = self._shared_out("cast", rays, executor, {"outputs": names})
+            self._warn_of_positions(fields)
+            return Hits(fields, rays, self)
+        spec, what = self._device_scene.spec, stored(names)
+        in_packets = spec.in_packets and what is Stored.BRIEF
+        kernel = make_cast_packets(spec) if in_packets else make_cast(spec, what)
         types = {name: field_types(self._real)[name] for name in names}
-
         start = launch_packets if in_packets else launch
 
         def run(part: RayPart, fields: dict[str, wp.array]) -> None:
@@ -174,7 +179,9 @@ class Tracer:
             start(kernel, part.count, inputs, self.device, self.threads)
 
         with self._device_scene.in_use() as scene:
-            return Hits(by_parts(rays, types, run), rays, self)
+            fields = by_parts(rays, types, run)
+        self._warn_of_positions(fields)
+        return Hits(fields, rays, self)
 
     def occluded(
         self,
@@ -226,9 +233,12 @@ class Tracer:
             pieces: dict[int, dict[str, np.ndarray]] = {}
             options = {"outputs": names, "max_hits": max_hits}
             self._hand_out("cast_all", rays, executor, options, lambda tile, found: pieces.update({tile.first: found}))
-            return joined_hits(rays.shape, [pieces[first] for first in sorted(pieces)], names)
-        with self._device_scene.in_use() as scene:
-            return all_hits(rays, self._wanted(scene, names, most))
+            found = joined_hits(rays.shape, [pieces[first] for first in sorted(pieces)], names)
+        else:
+            with self._device_scene.in_use() as scene:
+                found = all_hits(rays, self._wanted(scene, names, most))
+        self._warn_of_positions(found.__dict__)
+        return found
 
     def count(
         self,
@@ -274,7 +284,9 @@ class Tracer:
         singular, not finite or not affine.
         """
         with making.lock:
-            self._is_moved[self._device_scene.move(first_instance, world_from_local)] = True
+            rows = self._device_scene.move(first_instance, world_from_local)
+            self._is_moved[rows] = True
+            self.spacing.moved(rows)
 
     def moved(self) -> tuple[tuple[int, np.ndarray], ...]:
         """(first instance, matrices) of each run of instances to which `set_transforms` has given new ones."""
@@ -472,6 +484,12 @@ class Tracer:
         require_usable(self.device)
         self._device_scene.refresh()
         return as_rays(origins, directions, t_min, t_max, self.device, max(1, self.budget // BYTES))
+
+    def _warn_of_positions(self, fields: dict) -> None:
+        """Says, once, if positions are too far apart for what they are on. Called by what the user calls."""
+        if "position" in fields:
+            ids = fields.get("instance_id")
+            self.spacing.warn(ids if isinstance(ids, np.ndarray) else None, stacklevel=3)
 
     def _wanted(self, scene: SceneState, names: tuple[str, ...], most: int) -> Wanted:
         return Wanted(scene, names, most, self.threads, self.budget)
