@@ -117,7 +117,7 @@ def true_errors(tracer, scene, o, d, hits):
 def test_prediction_is_not_below_the_error_nor_far_above(name, device):
     scene = rt.Scene(SCENES[name])
     tracers = {accuracy: rt.Tracer(scene, accuracy, device) for accuracy in TIERS}
-    predicted = _predictions(tracers, 20_000)
+    predicted, predicted_position = _predictions(tracers, 20_000)
     # Other rays than those of the prediction.
     o, d = sample_rays(tracers["double"], 800, seed=1)
     for accuracy, tracer in tracers.items():
@@ -125,6 +125,10 @@ def test_prediction_is_not_below_the_error_nor_far_above(name, device):
         assert hits.hit.sum() > 100
         error = np.quantile(true_errors(tracer, scene, o, d, hits), 0.99)
         assert error <= predicted[accuracy] <= 10 * error
+        bound = tracer.cast(o, d, outputs=("hit", "position_error"))
+        if accuracy != "fast":
+            most = np.quantile(bound.position_error[bound.hit], 0.99)
+            assert 0.01 * most < predicted_position[accuracy] < 10 * most
 
 
 def test_audit_reads_the_scene(device):
@@ -149,6 +153,22 @@ def test_audit_recommends_the_cheapest_that_keeps_the_tolerance(device):
         assert rt.audit(scene, tolerance, device=device).recommended == expected
     with pytest.raises(ValueError, match="tolerance must be positive"):
         rt.audit(scene, 0.0, device=device)
+
+
+def test_audit_judges_positions_far_from_the_origin(device):
+    ball = rt.Mesh(BALL.vertices, BALL.faces)
+    camera = rt.Camera((500_000, 5_000_000, 60), (500_000, 5_000_000, 30))
+    far = rt.Scene([rt.Instance(ball, rt.Transform().translate(500_000, 5_000_000, 30))], camera=camera)
+    found = rt.audit(far, tolerance=1e-3, rays=2000, device=device)
+    # t is right, and the point half a step of float32, which is 0.5 there, off the mark.
+    assert found.predicted["robust"] < 1e-3
+    assert 0.2 < found.predicted_position["robust"] < 2
+    assert found.predicted_position["mixed"] < 1e-7
+    assert found.recommended == "mixed"
+    (line,) = found.warnings
+    assert line.startswith("positions are float32 in robust and 0.5 apart where instance 0 is, whose features are 0.")
+    assert "robust   99 % of hits within " in str(found)
+    assert f"positions within {found.predicted_position['robust']:.2g}" in str(found)
 
 
 def test_audit_command(capsys):

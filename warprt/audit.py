@@ -38,13 +38,16 @@ class Audit:
     cells: list[dict]
     """Of each mesh's grid: `count` along x, y, z; `full`, the share of cells in use; `nodes` of their trees."""
     predicted: dict[str, float]
-    """For each accuracy: what 99 % of errors in the position along a ray will be below."""
+    """For each accuracy: what 99 % of errors in the position along a ray, those of t, will be below."""
+    predicted_position: dict[str, float]
+    """For each accuracy: how far 99 % of reported positions will be at most from where the ray meets the surface."""
     tolerance: float
     recommended: str | None
-    """The cheapest accuracy that is predicted to keep the tolerance; None if none does."""
+    """The cheapest accuracy that is predicted to keep the tolerance in both; None if none does."""
     warnings: list[str]
     """What is too small, by object: faces that lose their area in float32, spheres that float32 rays from the camera
-    hit by chance, shapes so thin that secondary rays may start on their other side."""
+    hit by chance, shapes so thin that secondary rays may start on their other side; and features that positions in
+    float32 cannot tell apart."""
 
     def __str__(self) -> str:
         lines = [
@@ -62,7 +65,9 @@ class Audit:
             lines.append(
                 "grid {} x {} x {}".format(*cell["count"]) + f", {cell['full']:.0%} full, {cell['nodes']:,} nodes"
             )
-        lines += [f"{name:<8} 99 % of hits within {error:.2g}" for name, error in self.predicted.items()]
+        for name, error in self.predicted.items():
+            away = self.predicted_position[name]
+            lines.append(f"{name:<8} 99 % of hits within {error:.2g} along their rays, positions within {away:.2g}")
         if self.recommended is None:
             lines.append(f"no accuracy is predicted to keep {self.tolerance:.2g}")
         else:
@@ -80,10 +85,11 @@ def audit(
 ) -> Audit:
     """Reads a scene, predicts the error of each accuracy, and recommends the cheapest that keeps a tolerance.
 
-    tolerance: largest error of a hit along its ray, in scene units, for 99 % of rays; by default 1e-6 of the extent.
-    The prediction is three times the error of a sample of `rays`, half from the camera and half from all sides, held
-    against longer floats (`warprt.truth`). "fast" promises nothing: it is recommended where its errors would do, and
-    it may still leak on a GPU.
+    tolerance: largest error of a hit along its ray, and of its reported position, in scene units, for 99 % of rays; by
+    default 1e-6 of the extent. Far from the origin t may be right where positions, in float32, are not. The prediction
+    is three times the error of a sample of `rays`, half from the camera and half from all sides, held against longer
+    floats (`warprt.truth`). "fast" promises nothing: it is recommended where its errors would do, and it may still leak
+    on a GPU.
 
     Raises ValueError for a tolerance that is not positive, and as `Tracer` does.
     """
@@ -93,8 +99,11 @@ def audit(
     tolerance = 1e-6 * extent if tolerance is None else checks.number(tolerance, "tolerance")
     if tolerance <= 0:
         raise ValueError(f"tolerance must be positive; got {tolerance}")
-    predicted = _predictions(tracers, checks.integer(rays, "rays", 8))
-    kept = [name for name, error in predicted.items() if error <= tolerance]
+    for tracer in tracers.values():
+        tracer.spacing.is_silent = True  # what it would say is among the warnings
+    predicted, predicted_position = _predictions(tracers, checks.integer(rays, "rays", 8))
+    kept = [name for name, error in predicted.items() if max(error, predicted_position[name]) <= tolerance]
+    coarse = tracers["robust"].spacing.line()
     singular = np.linalg.svd(_linears(scene), compute_uv=False)
     return Audit(
         extent=extent,
@@ -105,22 +114,30 @@ def audit(
         slivers=sum(_sliver_count(mesh) for mesh in _meshes(scene)),
         cells=[_cells(mesh) for mesh in tracers["robust"]._device_scene.meshes],
         predicted=predicted,
+        predicted_position=predicted_position,
         tolerance=tolerance,
         recommended=kept[0] if kept else None,
-        warnings=cautions(tracers["robust"]),
+        warnings=cautions(tracers["robust"]) + ([coarse] if coarse else []),
     )
 
 
-def _predictions(tracers: dict[str, Tracer], rays: int) -> dict[str, float]:
-    """99 % of the errors along sampled rays are below these, and some allowance for other rays."""
+def _predictions(tracers: dict[str, Tracer], rays: int) -> tuple[dict[str, float], dict[str, float]]:
+    """99 % of the errors along sampled rays, and of those of positions, are below these, with some allowance."""
     o, d = sample_rays(tracers["double"], rays)
     length = np.linalg.norm(d.astype(np.float64), axis=1)
-    predicted = {}
+    along, away = {}, {}
     for name, tracer in tracers.items():
-        hits = tracer.cast(o, d, outputs=("hit", "t", "instance_id", "primitive_id"))
-        off = np.abs(hits.t[hits.hit] - parameters(tracer, hits, o, d)[hits.hit]) * length[hits.hit]
-        predicted[name] = SAMPLING * float(np.quantile(off, 0.99, method="higher")) if hits.hit.any() else 0.0
-    return predicted
+        hits = tracer.cast(o, d, outputs=("hit", "t", "instance_id", "primitive_id", "position"))
+        t = parameters(tracer, hits, o, d)[hits.hit]
+        along[name] = _allowed(np.abs(hits.t[hits.hit] - t) * length[hits.hit])
+        off = hits.position[hits.hit] - (o[hits.hit].astype(t.dtype) + t[:, None] * d[hits.hit].astype(t.dtype))
+        away[name] = _allowed(np.sqrt((off * off).sum(axis=1)))
+    return along, away
+
+
+def _allowed(errors: np.ndarray) -> float:
+    """What 99 % of the errors of other rays will be below."""
+    return SAMPLING * float(np.quantile(errors, 0.99, method="higher")) if len(errors) else 0.0
 
 
 def _linears(scene: Scene) -> np.ndarray:

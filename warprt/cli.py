@@ -118,7 +118,10 @@ def _parser() -> _Parser:
     audit = commands.add_parser("audit", help="which accuracy a scene needs")
     _add_scene(audit)
     audit.add_argument(
-        "--tolerance", type=float, metavar="X", help="of a hit along its ray; default 1e-6 of the extent"
+        "--tolerance",
+        type=float,
+        metavar="X",
+        help="of a hit along its ray and of its position; default 1e-6 of the extent",
     )
     audit.add_argument("--device", metavar="D", help="cpu, cuda:0, ...; default: the GPU if there is one")
     audit.add_argument("--threads", type=int, metavar="N", help="CPU threads; default: all cores")
