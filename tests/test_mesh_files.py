@@ -166,6 +166,17 @@ def test_stl_with_bytes_behind(tmp_path, begin, behind):
     np.testing.assert_array_equal(triangles(mesh), BOTH)
 
 
+def test_signalling_nan_of_a_binary_file(tmp_path):
+    signal = (0x7FA00000).to_bytes(4, "little")
+    text = mesh_texts.ply([*CORNERS, CORNERS[0]], [(0, 1, 2, 3)], "binary_little_endian", real="float")
+    head, body = text.split(b"end_header\n")
+    mesh = read(tmp_path, "a.ply", head + b"end_header\n" + body[:48] + signal * 3 + body[60:])
+    np.testing.assert_array_equal(triangles(mesh), BOTH)
+    data = mesh_texts.stl(CORNERS, [(0, 1, 2)])
+    with pytest.raises(ValueError, match="face 0 uses vertex 0 .* not finite"):
+        read(tmp_path, "a.stl", data[:96] + signal + data[100:])
+
+
 def test_stl_with_triangles_behind_warns(tmp_path):
     data = mesh_texts.stl(CORNERS, [(0, 1, 2, 3)])
     with pytest.warns(UserWarning, match=r"a\.stl: 120 bytes behind the 2 triangles that it announces are left out"):
