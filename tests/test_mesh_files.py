@@ -173,7 +173,7 @@ def test_signalling_nan_of_a_binary_file(tmp_path):
     mesh = read(tmp_path, "a.ply", head + b"end_header\n" + body[:48] + signal * 3 + body[60:])
     np.testing.assert_array_equal(triangles(mesh), BOTH)
     data = mesh_texts.stl(CORNERS, [(0, 1, 2)])
-    with pytest.raises(ValueError, match="face 0 uses vertex 0 .* not finite"):
+    with pytest.raises(ValueError, match=r"face 0 uses vertex 0 .* not finite"):
         read(tmp_path, "a.stl", data[:96] + signal + data[100:])
 
 
