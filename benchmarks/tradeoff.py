@@ -29,7 +29,7 @@ def run(options) -> None:
     for path in (options.output, options.plot):
         if path:
             require_writable(path)
-    scene, threads = rt.load_scene(options.scene), options.threads or default_threads()
+    scene, threads = rt.load_scene(options.scene, options.trust), options.threads or default_threads()
     about = {**machine.about(options.device or "cpu"), "topic": "tradeoff", "scene": Path(options.scene).name}
     about |= {"threads": threads, "rounds": options.rounds, "rays": options.rays}
     measured = measure(scene, options.accuracy.split(","), options.rays, options.rounds, options.device, threads)

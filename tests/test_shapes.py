@@ -68,6 +68,16 @@ def test_grid_too_large_for_memory_raises_before_it_is_allocated():
         rt.Tracer(scene, device="cpu")
 
 
+def test_grid_that_takes_minutes_says_so(monkeypatch):
+    scene = rt.Scene([rt.Mesh(TRIANGLE, [(0, 1, 2)], grid=(4, 5, 6))])
+    monkeypatch.setattr("warprt.grid.MOST_QUICK", 119)
+    monkeypatch.setattr("warprt.grid.CELLS_PER_SECOND", 0.5)
+    with pytest.warns(
+        UserWarning, match="a grid of 4 x 5 x 6 cells takes about 4 minutes to make; choose fewer, or 'auto'"
+    ):
+        rt.Tracer(scene, device="cpu", accelerator="grid")
+
+
 @pytest.mark.parametrize("extent", [(1, 1, 1), (1, 1, 0), (1, 0, 0), (0, 0, 0), (1e-30, 1, 1e3), (1e100, 1e-100, 1)])
 @pytest.mark.parametrize("cells", [0.1, 1, 1000])
 def test_resolution_is_near_the_cells_asked_for(extent, cells):

@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from launching import OPTIONS, rounded, roundoff
 
 import warprt as rt
+from warprt import picture_files
 from warprt.kernels.texture import Texture, bilinear
 from warprt.texels import pack_textures
 
@@ -343,6 +344,29 @@ def test_pictures_of_any_mode_can_be_read(mode, tmp_path):
         assert texture.size == (3, 2)
         color = looked_up(texture, [(5 / 6, 0.75), (1 / 6, 0.75)], wp.float32, "cpu")
         np.testing.assert_allclose(color, [(1, 1, 1), (0, 0, 0)], atol=0.2 if mode == "CMYK" else 1e-6)
+
+
+@pytest.mark.parametrize("mode", ["RGB", "RGBA", "L", "P", "LA", "CMYK", "I;16", "I"])
+def test_pictures_are_converted_in_strips(mode, rng, monkeypatch):
+    monkeypatch.setattr(picture_files, "STRIP", 100)  # seven rows of 13 pixels
+    if mode.startswith("I"):
+        levels = rng.integers(0, 65536, (30, 13), dtype=np.uint16)
+        image = PIL.Image.fromarray(levels.astype(np.int32) if mode == "I" else levels)
+        expected = np.repeat((levels / 65535).astype(np.float32)[..., None], 3, axis=2)
+    else:
+        image = PIL.Image.fromarray(rng.integers(0, 256, (30, 13, 3), dtype=np.uint8)).convert(mode)
+        expected = np.asarray(image if mode in ("RGB", "RGBA") else image.convert("RGB"))
+    assert image.mode == mode
+    np.testing.assert_array_equal(rt.Texture.from_pil(image).pixels, expected)
+    assert not rt.Texture(image).pixels.flags.writeable
+
+
+def test_textures_of_one_picture_store_it_once():
+    picture = picture_files.Picture(noise(np.random.default_rng(2), 4, 6))
+    textures = [rt.Texture(picture, wrap=wrap) for wrap in ("repeat", "clamp", "mirror")]
+    textures += [rt.Texture(picture, is_srgb=False), rt.Texture(picture.pixels)]
+    records, texels, _levels = pack_textures(textures, wp.get_device("cpu"))
+    assert records["first"].tolist() == [0, 0, 0, 24, 48] and texels.size == 72
 
 
 def test_pictures_that_cannot_be_read_are_named(tmp_path):

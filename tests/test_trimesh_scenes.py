@@ -263,6 +263,57 @@ def test_faults_are_named(scene, words):
         rt.Scene.from_trimesh(scene)
 
 
+def with_nan():
+    mesh = trimesh.creation.box()
+    return trimesh.Trimesh(np.vstack([mesh.vertices, [(np.nan,) * 3]]), mesh.faces, process=False)
+
+
+@pytest.mark.parametrize(
+    "scene, words",
+    [
+        (scene_with("bare", trimesh.Trimesh()), "geometry 'bare' has no faces and is left out"),
+        (scene_with("points", trimesh.Trimesh(np.zeros((3, 3)))), "geometry 'points' has no faces and is left out"),
+        (scene_with("flat", trimesh.creation.box(), np.diag([1, 1, 0, 1])), "'node of flat': its matrix is singular"),
+        (scene_with("ball", trimesh.primitives.Sphere(), np.diag([0, 0, 0, 1])), "'node of ball': its matrix"),
+    ],
+)
+def test_inert_things_are_left_out(scene, words):
+    with pytest.warns(UserWarning, match=words) as caught:
+        assert rt.Scene.from_trimesh(scene).instance_count == 1
+    assert len(caught) == 1
+
+
+def test_vertices_that_no_face_uses_need_not_be_finite():
+    first, second = rt.Scene.from_trimesh(scene_with("nan", with_nan())).objects
+    np.testing.assert_array_equal(first.shape.bounds, second.shape.bounds)
+
+
+def test_what_stands_beside_a_base_in_a_hidden_node_is_left_out():
+    """From within what is scaled to 0, nothing outside has a place."""
+    scene = trimesh.Scene(trimesh.creation.box())
+    scene.graph.update(frame_from="world", frame_to="off", matrix=np.diag([0.0, 0, 0, 1]))
+    scene.graph.update(frame_from="off", frame_to="inside", geometry=next(iter(scene.geometry)))
+    scene.graph.base_frame = "inside"
+    with pytest.warns(UserWarning, match="its matrix is singular"):
+        assert rt.Scene.from_trimesh(scene).names == ("inside",)
+
+
+def test_cameras_and_lights_of_hidden_nodes_are_left_out():
+    scene = trimesh.Scene(trimesh.creation.box())
+    scene.camera = trimesh.scene.Camera(name="eye", fov=(60, 45))
+    white, lighting = [255, 255, 255, 255], trimesh.scene.lighting
+    scene.lights = [lighting.DirectionalLight(name="sun", color=white), lighting.PointLight(name="lamp", color=white)]
+    for name in ("eye", "sun", "lamp"):
+        scene.graph.update(frame_to=name, matrix=np.diag([0.0, 0, 0, 1]))
+    with pytest.warns(UserWarning) as caught:
+        read = rt.Scene.from_trimesh(scene)
+    assert read.camera is None and [type(light) for light in read.lights] == [rt.PointLight]
+    assert sorted(str(warning.message).partition("from_trimesh: ")[2][:11] for warning in caught) == [
+        "camera 'eye",
+        "light 'sun'",
+    ]
+
+
 def test_empty_scene():
     assert rt.Scene.from_trimesh(trimesh.Scene()).instance_count == 0
 

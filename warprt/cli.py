@@ -52,12 +52,7 @@ def _parser() -> _Parser:
     parser.add_argument("--version", action="version", version=f"warprt {__version__}")
     commands = parser.add_subparsers(required=True, metavar="COMMAND", parser_class=_Parser)
     render = commands.add_parser("render", help="make a picture of a scene")
-    render.add_argument(
-        "scene", metavar="SCENE", help="a file (.py .cfg .glb .gltf .obj .ply .stl .off) or a ready scene"
-    )
-    render.add_argument(
-        "--option", action="append", default=[], type=_option, metavar="NAME=VALUE", help="for scene() of a Python file"
-    )
+    _add_scene(render, has_options=True)
     render.add_argument("-o", "--output", metavar="FILE", help="default: the scene's name with .png, here")
     render.add_argument("--size", type=_size, default=(640, 480), metavar="WxH", help="pixels; default 640x480")
     render.add_argument("--samples", type=int, default=4, metavar="N", help="rays per pixel; default 4")
@@ -79,10 +74,7 @@ def _parser() -> _Parser:
     render.add_argument("--no-clobber", action="store_true", help="refuse to replace a file")
     render.set_defaults(run=_render)
     view = commands.add_parser("view", help="look at a scene in a web page, and at the cells that rays visit")
-    view.add_argument("scene", metavar="SCENE", help="a file or a ready scene")
-    view.add_argument(
-        "--option", action="append", default=[], type=_option, metavar="NAME=VALUE", help="for scene() of a Python file"
-    )
+    _add_scene(view, has_options=True)
     view.add_argument("--size", type=_size, default=(640, 480), metavar="WxH", help="of the result; default 640x480")
     view.add_argument("--samples", type=int, default=16, metavar="N", help="rays per pixel at rest; default 16")
     view.add_argument("--max-bounces", type=int, default=8, metavar="N", help="mirror reflections; default 8")
@@ -124,7 +116,7 @@ def _parser() -> _Parser:
     bench.add_argument("--plot", type=Path, metavar="PNG", help="draw the ratios")
     bench.set_defaults(run=_bench)
     audit = commands.add_parser("audit", help="which accuracy a scene needs")
-    audit.add_argument("scene", metavar="SCENE", help="a file or a ready scene")
+    _add_scene(audit)
     audit.add_argument(
         "--tolerance", type=float, metavar="X", help="of a hit along its ray; default 1e-6 of the extent"
     )
@@ -132,7 +124,7 @@ def _parser() -> _Parser:
     audit.add_argument("--threads", type=int, metavar="N", help="CPU threads; default: all cores")
     audit.set_defaults(run=_audit)
     tradeoff = commands.add_parser("tradeoff", help="what speed costs in accuracy, on a scene")
-    tradeoff.add_argument("scene", metavar="SCENE", help="a file or a ready scene")
+    _add_scene(tradeoff)
     tradeoff.add_argument("--accuracy", default=",".join(TIERS), metavar="T,...", help="tiers; default all")
     tradeoff.add_argument("--rays", type=int, default=100_000, metavar="N", help="default 100,000")
     tradeoff.add_argument("--rounds", type=int, default=7, metavar="N", help="of the timing; default 7")
@@ -146,6 +138,25 @@ def _parser() -> _Parser:
     return parser
 
 
+def _add_scene(command: argparse.ArgumentParser, has_options: bool = False) -> None:
+    """The scene that a command is about, and how it is read."""
+    command.add_argument(
+        "scene", metavar="SCENE", help="a file (.py .cfg .glb .gltf .obj .ply .stl .off) or a ready scene"
+    )
+    command.add_argument(
+        "--trust", action="store_true", help="let the file name any other file, and take any amount of memory"
+    )
+    if has_options:
+        command.add_argument(
+            "--option",
+            action="append",
+            default=[],
+            type=_option,
+            metavar="NAME=VALUE",
+            help="for scene() of a Python file",
+        )
+
+
 def _bench(options: argparse.Namespace) -> None:
     # Only here: it brings in peers, which are large.
     from warprt.benchmarks.command import run
@@ -156,7 +167,8 @@ def _bench(options: argparse.Namespace) -> None:
 def _audit(options: argparse.Namespace) -> None:
     from .audit import audit
 
-    print(audit(load_scene(options.scene), options.tolerance, device=options.device, threads=options.threads))
+    scene = load_scene(options.scene, options.trust)
+    print(audit(scene, options.tolerance, device=options.device, threads=options.threads))
 
 
 def _tradeoff(options: argparse.Namespace) -> None:
@@ -176,6 +188,10 @@ def _option(text: str) -> tuple[str, object]:
     name, equals, value = text.partition("=")
     if not (equals and name.isidentifier()):
         raise argparse.ArgumentTypeError(f"{text!r} is not NAME=VALUE, such as size=5")
+    if name in ("path", "trust"):
+        raise argparse.ArgumentTypeError(
+            f"{name!r} is a parameter of load_scene, so no option of scene() can have this name"
+        )
     try:
         return name, ast.literal_eval(value)
     except (ValueError, SyntaxError):

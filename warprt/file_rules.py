@@ -12,9 +12,9 @@ from pathlib import Path
 from .brief import brief
 
 FREE_BYTES = 2**31
-"""Memory that any file may take: ten pictures of 8192 x 8192, whose file, in one colour, has few kB."""
+"""Memory that any file may take: nine pictures of 8192 x 8192, whose files, in one colour, have few kB each."""
 BYTES_PER_BYTE = 64
-"""Memory for each byte read: eight JPEG files of photos, or thirty times what numbers in float32 become."""
+"""Memory for each byte read: photos as JPEG take 10 to 30, numbers in float32 4 to 8, nodes and copies up to 64."""
 FREE_OBJECTS = 250_000
 OBJECTS_PER_BYTE = 1.0
 """A node written out takes three bytes at least, so only copies and shared lists come near."""
@@ -61,7 +61,8 @@ class FileRules:
             raise ValueError(f"{what}: {brief(name)} cannot be resolved") from None
         if not self.is_trusted:
             if _SCHEME.match(name) or not target.is_relative_to(self._folder):
-                raise ValueError(f"{what}: {brief(name)} is not a file in the folder of the scene, or below; {ADVICE}")
+                advice = "" if "://" in name else f"; {ADVICE}"
+                raise ValueError(f"{what}: {brief(name)} is not a file in the folder of the scene, or below{advice}")
             if suffixes and path.suffix.lower() not in suffixes:
                 raise ValueError(f"{what}: cannot read {brief(name)}, which is none of {' '.join(suffixes)}; {ADVICE}")
         size = _regular_size(path, brief(name), what)

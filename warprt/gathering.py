@@ -52,7 +52,7 @@ class Gathering:
         copies.names += names
 
     def objects(self) -> list[Instance | Instances]:
-        """Shapes in the order they first came. Raises ValueError that names a node whose matrix is not affine, finite."""
+        """Shapes in the order they first came. Raises ValueError that names a node whose matrix is not affine."""
         objects = []
         for key, copies in list(self._copies.items()):
             found = self._object(copies)

@@ -81,6 +81,8 @@ def _with_sparse(document: Document, accessor: Record, array: np.ndarray) -> np.
     dtype = _component(indices)
     if dtype.kind != "u":
         raise ValueError(f"{indices.name} must be unsigned integers")
+    if count > len(array):
+        raise ValueError(f"{sparse.name}: count is {count}, of {len(array)} elements")
     row = _rows(document, indices, dtype, 1, count)[:, 0].astype(np.int64)
     if row.max() >= len(array) or (np.diff(row) <= 0).any():
         raise ValueError(f"{indices.name} must rise and lie in 0 .. {len(array) - 1}")

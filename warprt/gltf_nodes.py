@@ -74,9 +74,10 @@ def _parent_from_node(nodes: list[Record]) -> np.ndarray:
             continue
         if "translation" in node:
             result[i, :3, 3] = node.numbers("translation", 3)
-        scale = node.numbers("scale", 3, (1, 1, 1))
+        scale = node.numbers("scale", 3) if "scale" in node else np.ones(3)
         if "rotation" not in node:
-            result[i, [0, 1, 2], [0, 1, 2]] = scale
+            if "scale" in node:
+                result[i, [0, 1, 2], [0, 1, 2]] = scale
             continue
         rotation = node.numbers("rotation", 4)
         if not rotation.any():

@@ -1,6 +1,7 @@
 """Uniform grids on the host side: how many cells, and the building of their lists on the device."""
 
 import math
+import warnings
 from dataclasses import dataclass
 
 import numpy as np
@@ -28,6 +29,10 @@ MOST_ROOM = 8
 """Pairs for each item, on average, for which room is made without counting them first."""
 MAX_CELLS = 2**31 - 2
 """Cells are numbered by int32."""
+MOST_QUICK = 2**25
+"""A warning says how long grids of more cells take on a CPU."""
+CELLS_PER_SECOND = 8e5
+"""How many a CPU makes, by measurement of 300^3 to 600^3 of them: their lists, and how far it is to the next one."""
 
 
 def resolution(extent: np.ndarray, cells: float) -> tuple[int, int, int]:
@@ -89,6 +94,9 @@ def list_pairs(grid, count: tuple[int, int, int], kernel: wp.Kernel, items: int,
     if cells > MAX_CELLS:
         raise MemoryError(f"{name} has more than {MAX_CELLS} of them; choose fewer")
     require(8 * cells, name, device)
+    if device.is_cpu and cells > MOST_QUICK:
+        minutes = cells / CELLS_PER_SECOND / 60
+        warnings.warn(f"{name} takes about {minutes:.1g} minutes to make; choose fewer, or 'auto'", stacklevel=2)
     wide, threads = widened(grid), default_threads()
     end = empty(items, wp.int64, device)
     nothing = [None] * (2 + len(outputs(0)))

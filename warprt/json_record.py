@@ -46,7 +46,8 @@ class Record:
         if value is default:
             return value
         if not _is_integer(value) or not least <= value <= MOST:
-            raise ValueError(f"{self.name}: {key} must be an integer of at least {least}; got {brief(value)}")
+            most = ", and at most 2^53" if isinstance(value, (int, float)) and value > MOST else ""
+            raise ValueError(f"{self.name}: {key} must be an integer of at least {least}{most}; got {brief(value)}")
         return int(value)
 
     def number(self, key: str, default: float = _REQUIRED, least: float = -math.inf, most: float = math.inf) -> float:

@@ -1,6 +1,7 @@
 """Picture files: their pixels, read in one pass and in little more memory than they take."""
 
 import io
+import struct
 from pathlib import Path
 from typing import BinaryIO
 
@@ -53,7 +54,7 @@ def read_ruled_picture(source: Path | bytes, name: str, rules: FileRules) -> Pic
         raise ValueError(f"{name}: cannot read the picture: {_one_line(error)}") from None
     with file:
         try:
-            image = _opened(file, sorted(PIL.Image.ID) if rules.is_trusted else KINDS)
+            image = _opened(file, rules.is_trusted)
         except Exception as error:
             raise ValueError(f"{name}: cannot read the picture: {_one_line(error)}") from None
         with image:
@@ -76,20 +77,19 @@ def _charged(image: PIL.Image.Image, name: str, rules: FileRules) -> Picture:
     return picture
 
 
-def _opened(file: BinaryIO, kinds) -> PIL.Image.Image:
+def _opened(file: BinaryIO, is_trusted: bool) -> PIL.Image.Image:
     """As PIL.Image.open, but for the limit of pixels, which is one for all threads."""
     PIL.Image.init()
+    kinds = [kind for kind in (PIL.Image.ID if is_trusted else KINDS) if kind in PIL.Image.OPEN]
     head = file.read(16)
     for kind in kinds:
-        if kind not in PIL.Image.OPEN:
-            continue
         factory, accepts = PIL.Image.OPEN[kind]
         if accepts is not None and accepts(head) is not True:
             continue
         file.seek(0)
         try:
             return factory(file, "")
-        except (SyntaxError, IndexError, TypeError, KeyError, EOFError):
+        except (SyntaxError, IndexError, TypeError, KeyError, EOFError, struct.error):
             continue  # of another kind after all
     raise ValueError(f"it is broken, or none of {', '.join(kinds)}")
 

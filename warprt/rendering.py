@@ -123,7 +123,7 @@ class Job:
 
     @cached_property
     def scene(self):
-        return load_scene(self._path, **dict(self.options.option))
+        return load_scene(self._path, self.options.trust, **dict(self.options.option))
 
     def begin(self) -> None:
         """Reads the scene, and what is done already."""

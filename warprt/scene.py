@@ -143,7 +143,8 @@ class Scene:
 
         All placements of one geometry, or of equal ones, become one Instances. Instance ids follow the order in which
         geometries first appear among the scene's nodes, then that of the nodes; `names` are those of the nodes. What is
-        not understood is warned about by name. Raises ValueError for a mesh without faces and the like.
+        not understood or inert, such as a mesh without faces or a placement by a singular matrix, is left out with a
+        warning. Raises ValueError that names what is wrong otherwise.
         """
         from .trimesh_scenes import scene_from_trimesh
 

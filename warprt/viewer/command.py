@@ -11,7 +11,7 @@ from .viewer import view
 def run(options: argparse.Namespace) -> None:
     """Shows a scene until Ctrl-C. Raises ValueError and OSError for mistakes."""
     path = find_scene(options.scene)
-    scene = load_scene(path, **dict(options.option))
+    scene = load_scene(path, options.trust, **dict(options.option))
     try:
         viewer = view(
             scene,

@@ -48,13 +48,14 @@ def view(
     host: str = "127.0.0.1",
     port: int = 8080,
     name: str | None = None,
+    trust: bool = False,
 ) -> "Viewer":
     """Opens a scene in a web page with a preview, a world view and the ray-traced result, and says where it is.
 
     scene: a Scene, a file or the name of a ready scene. size: (width, height) pixels of the result; samples: per pixel,
     reached step by step while the camera rests. host: only this machine can reach the page unless another address is
-    given. port: or the next one that is free; 0 for any. name: the page's title. It goes on in the background until
-    `stop()`, or until Python ends.
+    given. port: or the next one that is free; 0 for any. name: the page's title. trust: as for `load_scene`. It goes on
+    in the background until `stop()`, or until Python ends.
 
     In a notebook the result is shown as a frame when it is the last line of a cell. Raises ModuleNotFoundError without
     viser (the extra `viewer`), ValueError as `Tracer` does, OSError when no port is free.
@@ -62,7 +63,7 @@ def view(
     _require_viser()
     if isinstance(scene, (str, Path)):
         name = name or Path(scene).stem
-        scene = load_scene(scene)
+        scene = load_scene(scene, trust)
     settings = Settings(accuracy, "scene", "color", samples, max_bounces, as_device(device).alias)
     viewer = Viewer(scene, settings, _checked_size(size), name or "scene", host, port)
     for line in how_to_reach(viewer.host, viewer.port):
