@@ -4,6 +4,21 @@ import struct
 
 import numpy as np
 
+import warprt as rt
+
+V = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n"
+CORNERS = np.array([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)], float)
+BOTH = CORNERS[[[0, 1, 2], [0, 2, 3]]]
+SOLID = """solid a vertex of endsolid
+  facet normal 0 0 1
+    outer loop
+      vertex 0 0 0
+      vertex 1 0 0
+      vertex 1 1 0
+    endloop
+  endfacet
+endsolid a
+"""
 _LETTERS = {"uchar": "B", "char": "b", "ushort": "H", "short": "h", "int": "i", "uint": "I"}
 
 
@@ -66,3 +81,19 @@ def random_polygons(rng, count: int, most: int) -> tuple[list, list, np.ndarray]
     polygons = [tuple(ring.tolist()) for ring in np.split(number, np.cumsum(sizes)[:-1])]
     fans = [(p[0], p[k], p[k + 1]) for p in polygons for k in range(1, len(p) - 1)]
     return vertices.tolist(), polygons, vertices[np.array(fans)]
+
+
+def textured_ply(picture: str) -> str:
+    text = f"ply\nformat ascii 1.0\ncomment TextureFile {picture}\nelement vertex 3\n"
+    text += "".join(f"property float {axis}\n" for axis in "xyzst")
+    text += "element face 1\nproperty list uchar int vertex_indices\nend_header\n"
+    return text + "0 0 0 0 0\n1 0 0 1 0\n1 1 0 1 1\n3 0 1 2\n"
+
+
+def read(folder, name, data, **options):
+    (folder / name).write_bytes(data if isinstance(data, bytes) else data.encode())
+    return rt.Mesh.from_file(folder / name, **options)
+
+
+def triangles(mesh):
+    return mesh.vertices[mesh.faces]

@@ -6,13 +6,14 @@ from collections import deque
 import numpy as np
 
 from .file_rules import ADVICE
-from .orientation import turn
+from .orientation import turn, turns
 
-TEST_COST = 5000
-"""Time that a look at a corner takes, counted in comparisons of NumPy."""
 FREE_COST = 5_000_000_000
+"""Time that any file may take, in nanoseconds, as a sum of the costs below, so that two runs agree."""
 COST_PER_CORNER = 50_000
-"""Common polygons take three looks for each corner; 10^10 comparisons, some 20 s."""
+"""Time in addition for each corner of the file. Common polygons take three looks for each."""
+LOOK_COST, SLAB_COST, BOX_COST, RING_COST = 10_000, 4, 150, 200
+"""A look for corners in an ear; for each corner beside it along y; in its box; a corner of a polygon without an ear."""
 FEW = 32
 """So many corners are looked through in Python as fast as in NumPy."""
 
@@ -53,11 +54,16 @@ class _Ring:
         self._start = 0
         # Only corners that are not convex need to be looked for in an ear: of those in it, the one farthest from its
         # open side is never convex.
+        self._points = points
         self._blocking = np.array([t <= 0 for t in self._turn])
-        self._order = sorted(np.flatnonzero(self._blocking).tolist(), key=lambda k: self._point[k])
-        self._xs = [self._point[k][0] for k in self._order]
-        self._ys = np.array([self._point[k][1] for k in self._order])
-        self._numbers = np.array(self._order, dtype=np.int64)
+        self._blocking_count = int(self._blocking.sum())
+        self._sort(np.lexsort(points.T[::-1]))
+
+    def _sort(self, numbers: np.ndarray) -> None:
+        """Keeps the blocking ones of corners that are sorted along x."""
+        self._numbers = numbers[self._blocking[numbers]]
+        self._order, self._ys = self._numbers.tolist(), self._points[self._numbers, 1]
+        self._xs = self._points[self._numbers, 0].tolist()
 
     def _turn_at(self, k: int) -> float:
         return turn(self._point[self._before[k]], self._point[k], self._point[self._after[k]])
@@ -94,14 +100,20 @@ class _Ring:
         before, after = self._before[k], self._after[k]
         self._after[before], self._before[after] = after, before
         self._before[k] = -1
-        self._blocking[k] = False
+        self._unblock(k)
         self._start = after
         self._left -= 1
         for neighbour in (before, after):
             self._turn[neighbour] = self._turn_at(neighbour)
             if self._turn[neighbour] > 0:
-                self._blocking[neighbour] = False
+                self._unblock(neighbour)
+        if self._blocking_count < len(self._order) // 2:
+            self._sort(self._numbers)
         return before, after
+
+    def _unblock(self, k: int) -> None:
+        self._blocking_count -= int(self._blocking[k])
+        self._blocking[k] = False
 
     def _is_spike(self, k: int) -> bool:
         """Whether a corner without area turns back, or is at the place of a neighbour: nothing is lost with it."""
@@ -112,8 +124,10 @@ class _Ring:
         """Whether no corner lies inside an ear, or on its edge; corners at the places of its own do not count."""
         ear = (self._before[k], k, self._after[k])
         a, b, c = (self._point[i] for i in ear)
-        for i in self._near((a, b, c)):
-            p = self._point[i]
+        near = self._near((a, b, c))
+        if len(near) > FEW:
+            return not self._any_inside(np.array((a, b, c)), np.array(near), with_edges)
+        for p in map(self._point.__getitem__, near):
             if p in (a, b, c):
                 continue
             sides = turn(a, b, p), turn(b, c, p), turn(c, a, p)
@@ -121,13 +135,22 @@ class _Ring:
                 return False
         return True
 
+    def _any_inside(self, ear: np.ndarray, near: np.ndarray, with_edges: bool) -> bool:
+        """As the loop of `_is_empty`, for many corners."""
+        self._effort.spend(BOX_COST * len(near))
+        points = self._points[near]
+        for k in range(3):
+            sides = turns(ear[k], ear[k - 2], points)
+            points = points[(sides >= 0) if with_edges else (sides > 0)]
+        return bool((points[:, None] != ear).any(axis=2).all(axis=1).any())
+
     def _near(self, corners: tuple) -> list[int]:
         """Corners that are not convex in the box of a triangle."""
         (x0, y0), (x1, y1), (x2, y2) = corners
         first = bisect_left(self._xs, min(x0, x1, x2))
         last = bisect_right(self._xs, max(x0, x1, x2), lo=first)
         low, high = min(y0, y1, y2), max(y0, y1, y2)
-        self._effort.spend(TEST_COST + last - first)
+        self._effort.spend(LOOK_COST + SLAB_COST * (last - first))
         if last - first <= FEW:
             near = self._order[first:last]
             return [i for i in near if self._blocking[i] and low <= self._point[i][1] <= high]
@@ -140,7 +163,7 @@ class _Ring:
         for _ in range(self._left):
             ring.append(k)
             k = self._after[k]
-        self._effort.spend(100 * len(ring))
+        self._effort.spend(RING_COST * len(ring))
         flat = next((k for k in ring if self._turn[k] == 0), None)
         if flat is not None:
             return flat

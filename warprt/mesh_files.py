@@ -4,6 +4,7 @@ import warnings
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import trimesh
 
 from .file_rules import FileRules
@@ -63,7 +64,9 @@ def _parts(path: Path, rules: FileRules) -> list[Part]:
             f"cannot read {path}: meshes are {' '.join(SUFFIXES)}; trust=True takes all that trimesh reads"
         )
     try:
-        parts = _read_other(path) if read is None else read(path.read_bytes(), rules)
+        # NaNs that signal may be in binary files, where no face need use them.
+        with np.errstate(invalid="ignore"):
+            parts = _read_other(path) if read is None else read(path.read_bytes(), rules)
     except ValueError as error:
         raise ValueError(f"cannot read {path} as a mesh: {error}") from None
     if not parts:

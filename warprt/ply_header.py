@@ -14,7 +14,7 @@ TYPES = {
     **{"int64": "i8", "uint64": "u8", "float16": "f2", "float32": "f4", "float64": "f8"},
 }
 ORDERS = {"ascii": None, "binary_little_endian": "<", "binary_big_endian": ">"}
-MOST_PROPERTIES = 1000
+MOST_PROPERTIES = MOST_ELEMENTS = 1000
 
 
 @dataclass
@@ -66,6 +66,8 @@ def read_header(data: bytes) -> Header:
             order = ORDERS.get(words[1] if len(words) > 1 else "", "")
         elif key == "element":
             elements.append(_element(words))
+            if len(elements) > MOST_ELEMENTS:
+                raise ValueError(f"it has more than {MOST_ELEMENTS} elements")
         elif key == "property":
             property_count += 1
             if not elements or property_count > MOST_PROPERTIES:
