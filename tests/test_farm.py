@@ -308,6 +308,10 @@ class OddError(Exception):
         super().__init__("odd")
 
 
+def raise_odd():
+    raise OddError(1, 2)
+
+
 def test_calls_and_answers_travel_as_they_are(pool):
     large = np.arange(1_000_000.0).reshape(1000, 1000)
     for value in (large, large.T, large[::2, ::3], large[:0], np.array(["a", None], object), {"a": [large[0], 1]}):
@@ -320,7 +324,7 @@ def test_calls_and_answers_travel_as_they_are(pool):
         pool.submit(answer, 1, error=KeyError("gone")).result()
     assert "in answer" in str(caught.value.__cause__)
     with pytest.raises(RuntimeError, match="OddError: odd"):
-        pool.submit(answer, 1, OddError(1, 2)).result()
+        pool.submit(raise_odd).result()
     with pytest.raises(TypeError, match="the result cannot be sent to another process: "):
         pool.submit(threading.Lock).result()
     with pytest.raises((pickle.PicklingError, AttributeError), match="lambda"):
