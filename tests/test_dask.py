@@ -231,6 +231,59 @@ def test_workers_that_are_killed_lose_nothing(scene, machines):
     assert len(killed) == 2
 
 
+@pytest.mark.slow
+@pytest.mark.usefixtures("small_tiles")
+def test_all_workers_lost_at_once_lose_nothing(scene, machines, monkeypatch):
+    """First while the scene is on its way, then at work."""
+    tracer = rt.Tracer(scene, device="cpu")
+    whole = tracer.render(**OPTIONS)
+    lost = []
+
+    def lose():
+        for worker in machines.workers:
+            if worker.poll() is None:
+                machines.kill(worker)
+        machines.add_worker()
+        lost.append(True)
+
+    with cluster.connect(machines.address) as client:
+        client.wait_for_workers(2, timeout=120)
+        scatter = type(client).scatter
+
+        def scatter_and_lose(self, *arguments, **options):
+            scattered = scatter(self, *arguments, **options)
+            if not lost:
+                lose()
+            return scattered
+
+        monkeypatch.setattr(type(client), "scatter", scatter_and_lose)
+        executor = client.get_executor()
+        images_agree(whole, tracer.render(**OPTIONS, executor=executor, progress=lambda *_: lost[1:] or lose()))
+    assert len(lost) == 2
+
+
+@pytest.mark.usefixtures("small_tiles")
+def test_errors_of_dask_are_waited_out_as_long_as_is_said(scene, client, monkeypatch):
+    tracer = rt.Tracer(scene, device="cpu")
+    tracer.set_transforms(0, np.eye(4))  # a scene that was not sent yet
+    failed, scatter = [], type(client).scatter
+
+    def fail_twice(self, *arguments, **options):
+        failed.append(True)
+        if len(failed) < 3:
+            raise KeyError("tcp://127.0.0.1:1")
+        return scatter(self, *arguments, **options)
+
+    monkeypatch.setattr(type(client), "scatter", fail_twice)
+    images_agree(tracer.render(**OPTIONS), tracer.render(**OPTIONS, executor=client.get_executor()))
+    assert len(failed) == 3
+    monkeypatch.setattr(cluster, "PATIENCE", 0.5)
+    monkeypatch.setattr(type(client), "scatter", lambda *_, **__: {}["tcp://127.0.0.1:1"])
+    tracer.set_transforms(0, np.diag([2, 2, 2, 1]))
+    with pytest.raises(farm.TileError, match=r"workers of tcp\S+ are lost again and again, for 0\.5 s: KeyError: 'tcp"):
+        tracer.render(**OPTIONS, executor=client.get_executor())
+
+
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
     (tmp_path / "ball.cfg").write_text(CFG)
@@ -312,8 +365,10 @@ def test_workers_of_another_version_and_without_a_gpu_are_named(client, monkeypa
         cluster.require_workers(client)
 
 
-def test_worker_without_warprt_is_named():
+def test_worker_without_warprt_is_named(monkeypatch):
     class Client:
+        status = "running"
+
         def wait_for_workers(self, *_, **__):
             pass
 
@@ -327,5 +382,7 @@ def test_worker_without_warprt_is_named():
     with pytest.raises(ValueError, match=r"worker tcp://a:1 has no warprt, but the work is of warprt"):
         cluster.require_workers(Client())
     answers = {}
-    with pytest.raises(ConnectionError, match=r"no worker of tcp://s:1 answers: it died meanwhile"):
+    monkeypatch.setattr(cluster, "PATIENCE", 0.3)
+    words = r"workers of tcp://s:1 are lost again and again, for 0\.3 s: no worker of \S+ answers: it died meanwhile"
+    with pytest.raises(ConnectionError, match=words):
         cluster.require_workers(Client())

@@ -2,13 +2,15 @@
 
 import dataclasses
 import os
+import pickle
 import random
 import signal
 import subprocess
 import sys
+import threading
 import time
 from collections import OrderedDict
-from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
+from concurrent.futures import BrokenExecutor, Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
 from multiprocessing import get_context
 
 import numpy as np
@@ -291,6 +293,61 @@ def test_pool_does_not_wait_when_it_is_interrupted():
 
     with pytest.raises(KeyboardInterrupt):
         begin()
+
+
+def answer(value, error=None):
+    if error is not None:
+        raise error
+    return value
+
+
+class OddError(Exception):
+    """It cannot be made again from its words."""
+
+    def __init__(self, one, other):
+        super().__init__("odd")
+
+
+def raise_odd():
+    raise OddError(1, 2)
+
+
+def test_calls_and_answers_travel_as_they_are(pool):
+    large = np.arange(1_000_000.0).reshape(1000, 1000)
+    for value in (large, large.T, large[::2, ::3], large[:0], np.array(["a", None], object), {"a": [large[0], 1]}):
+        found = pool.submit(answer, value).result()
+        for one, other in zip([found], [value], strict=True):
+            np.testing.assert_equal(one, other)
+    assert pool.submit(answer, large).result().flags.writeable
+    assert list(pool.map(abs, range(-3, 0))) == [3, 2, 1]
+    with pytest.raises(KeyError, match="gone") as caught:
+        pool.submit(answer, 1, error=KeyError("gone")).result()
+    assert "in answer" in str(caught.value.__cause__)
+    with pytest.raises(RuntimeError, match="OddError: odd"):
+        pool.submit(raise_odd).result()
+    with pytest.raises(TypeError, match="the result cannot be sent to another process: "):
+        pool.submit(threading.Lock).result()
+    with pytest.raises((pickle.PicklingError, AttributeError), match="lambda"):
+        pool.submit(lambda: 1).result()
+    # And the processes are the same as before.
+    assert pool.submit(abs, -1).result() == 1
+
+
+def test_lost_process_takes_one_call_with_it():
+    with rt.WorkerPool(2, threads=1) as pool:
+        first = pool.submit(time.sleep, 600)
+        others = [pool.submit(os.getpid) for _ in range(3)]
+        kept = others[-1].result()
+        (victim,) = set(pool.processes()) - {kept}
+        os.kill(victim, signal.SIGTERM)
+        with pytest.raises(BrokenExecutor, match=rf"worker process {victim} was ended by SIGTERM"):
+            first.result()
+        # One that dies idle takes none.
+        os.kill(kept, signal.SIGKILL)
+        while kept in pool.processes():
+            time.sleep(0.01)
+        assert [pool.submit(abs, -k).result() for k in range(4)] == [0, 1, 2, 3]
+        assert not {victim, kept} & set(pool.processes())
 
 
 def test_pool_that_is_over_does_not_start_anew():

@@ -88,6 +88,13 @@ def test_one_process_at_a_time_has_a_folder(tmp_path, rng):
             other.put(tile(0, 1), {"t": np.zeros(1)})
 
 
+def test_folder_that_cannot_be_begun_is_not_left(tmp_path, monkeypatch):
+    monkeypatch.setattr(rt.store, "write_whole", full_disk)
+    with pytest.raises(OSError, match="No space left"):
+        Store(tmp_path / "s", 10).begin({})
+    assert not (tmp_path / "s").exists()
+
+
 def test_what_a_killed_process_leaves_is_cleared_away(tmp_path, rng):
     filled(tmp_path / "s", rng)
     for name in (".t.npy.abc", ".terms.json.xyz"):
@@ -310,11 +317,14 @@ def test_mistakes_are_one_line(folder, capfd, options, words):
     assert words in line
 
 
-def test_command_whose_process_is_killed_goes_on(folder):
+def test_command_whose_process_is_killed_goes_on(folder, monkeypatch):
     """By the system, without a word of warning."""
+    (folder / "temporary").mkdir()
+    monkeypatch.setattr("tempfile.tempdir", str(folder / "temporary"))
     command = [sys.executable, "-m", "warprt", *RENDER, "--samples", "64", "--tile", "2560"]
-    environment = {**os.environ, "PYTHONPATH": ROOT}
+    environment = {**os.environ, "PYTHONPATH": ROOT, "TMPDIR": str(folder / "temporary")}
     assert run(*command[3:], "-o", "whole.png") == 0
+    assert not list((folder / "temporary").glob("warprt-*"))
     process = subprocess.Popen(command, cwd=folder, env=environment, start_new_session=True)
     journal = folder / "ball.tiles" / "journal.txt"
     while not (journal.is_file() and journal.read_text()) and process.poll() is None:
@@ -328,8 +338,11 @@ def test_command_whose_process_is_killed_goes_on(folder):
             time.sleep(0.1)
     assert journal.read_text()
     assert not (folder / "ball.png").exists()
+    # It could not remove its scene.
+    assert len(list((folder / "temporary").glob("warprt-*"))) == 1
     assert run(*command[3:]) == 0
     assert (folder / "ball.png").read_bytes() == (folder / "whole.png").read_bytes()
+    assert not list((folder / "temporary").glob("warprt-*"))
 
 
 @pytest.mark.usefixtures("in_process")

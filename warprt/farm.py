@@ -203,19 +203,12 @@ class _Here:
         return IN_FLIGHT * getattr(self._executor, "_max_workers", os.cpu_count())
 
     def require_workers(self) -> None:
-        """Raises TileError when a process of a `ProcessPoolExecutor` has died without its noticing.
-
-        It then reads the half of a result, or waits for a lock that nobody gives back. Another executor is trusted.
-        """
-        dead = _dead_processes(self._executor)
-        if not dead:
-            return
-        time.sleep(NOTICE_S)  # it notices most of them at once, and says so in the futures
-        if dead & _dead_processes(self._executor):
-            _release(self._executor)
+        """Raises TileError when the executor waits without end; one of an unknown kind is trusted."""
+        lost = _release_if_stuck(self._executor)
+        if lost is not None:
             raise TileError(
-                f"process {min(dead)} of the {type(self._executor).__name__} has died, and it waits for that without "
-                "end: warprt.WorkerPool mends itself"
+                f"process {lost} of the {type(self._executor).__name__} has died, and it waits for that without end: "
+                "warprt.WorkerPool mends itself"
             )
 
     def is_final(self, error: BaseException) -> bool:
@@ -231,20 +224,33 @@ class _Here:
         """Nothing that is ours to mend."""
 
 
-def _dead_processes(executor: Executor) -> set[int]:
-    """Ids of those that a `ProcessPoolExecutor` believes to be alive."""
-    processes = getattr(executor, "_processes", None) if isinstance(executor, ProcessPoolExecutor) else None
-    return {process.pid for process in list((processes or {}).values()) if process.exitcode is not None}
+def _release_if_stuck(executor: Executor) -> int | None:
+    """Breaks a `ProcessPoolExecutor` that has lost a process without noticing, and returns the id of that process.
 
-
-def _release(executor: ProcessPoolExecutor) -> None:
-    """Ends its processes and its wait for them, or else its `with` statement, or Python, would not end either."""
+    It then reads half a result, or its processes wait for a lock that nobody gives back: neither the call, nor its
+    `with` statement, nor Python would end.
+    """
+    if not isinstance(executor, ProcessPoolExecutor):
+        return None
+    dead = _dead_processes(executor)
+    if dead:
+        time.sleep(NOTICE_S)  # it notices most of them at once, and says so in its futures
+    stuck = dead & _dead_processes(executor)
+    if not stuck:
+        return None
     with suppress(AttributeError, OSError):  # of what other versions of Python have not, or has ended meanwhile
         for process in list(executor._processes.values()):
             process.kill()
         # Pipes are open at both ends in this process too, so that neither who reads nor who writes would hear of it.
         executor._call_queue.cancel_join_thread()
         executor._result_queue._writer.close()
+    return min(stuck)
+
+
+def _dead_processes(executor: ProcessPoolExecutor) -> set[int]:
+    """Ids of those that it believes to be alive."""
+    processes = list((executor._processes or {}).values())
+    return {process.pid for process in processes if process.exitcode is not None}
 
 
 @contextmanager
@@ -260,7 +266,10 @@ def _delivered(executor: Executor, parcel: Parcel, recipe: Recipe, tracer: "Trac
         yield _Here(executor, parcel)
         return
     with scratch_folder() as folder:
-        yield _Here(executor, parcel.in_file(folder / "scene", recipe))
+        try:
+            yield _Here(executor, parcel.in_file(folder / "scene", recipe))
+        finally:
+            _release_if_stuck(executor)
 
 
 def require_executor(executor: Executor) -> None:

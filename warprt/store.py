@@ -50,7 +50,11 @@ class Store:
                 self._read_journal()
                 self.is_begun = True
             return others
-        write_whole(self.folder / TERMS, lambda file: file.write(json.dumps(terms).encode()))
+        try:
+            write_whole(self.folder / TERMS, lambda file: file.write(json.dumps(terms).encode()))
+        except OSError:
+            self.remove()
+            raise
         self.is_begun = True
         return []
 
