@@ -273,12 +273,12 @@ def _delivered(executor: Executor, parcel: Parcel, recipe: Recipe, tracer: "Trac
 
 
 def require_executor(executor: Executor) -> None:
-    """Raises ValueError for what is none, and for forked processes, in which Warp and its threads do not work."""
+    """Raises ValueError for what is none, and for one that forks its processes, in which CUDA does not work."""
     if not (hasattr(executor, "submit") and callable(executor.submit)):
         raise ValueError(f"executor must be a concurrent.futures.Executor; got {type(executor).__name__}")
     if isinstance(executor, ProcessPoolExecutor) and executor._mp_context.get_start_method() == "fork":
         raise ValueError(
-            "executor forks its processes, which Warp does not survive: use warprt.WorkerPool(), or "
+            "executor forks its processes, which CUDA does not survive: use warprt.WorkerPool(), or "
             "ProcessPoolExecutor(mp_context=multiprocessing.get_context('spawn'))"
         )
 

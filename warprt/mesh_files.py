@@ -7,6 +7,8 @@ from pathlib import Path
 import numpy as np
 import trimesh
 
+from warprt.kernels.making import lock
+
 from .file_rules import FileRules
 from .materials import Material
 from .mesh import Mesh, joined
@@ -85,7 +87,7 @@ def _named(path: Path, make: Callable):
 def _read_other(path: Path) -> list[Part]:
     """The meshes of a file of another kind, by trimesh, in their places."""
     try:
-        with warnings.catch_warnings():
+        with lock, warnings.catch_warnings():  # which acts on all threads
             warnings.simplefilter("ignore")
             scene = trimesh.load_scene(path, process=False)
             meshes = [mesh for mesh in scene.dump() if len(getattr(mesh, "faces", ())) > 0]

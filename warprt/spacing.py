@@ -4,6 +4,8 @@ import warnings
 
 import numpy as np
 
+from warprt.kernels.making import lock
+
 from .mesh import Mesh
 from .placements import Placements
 
@@ -25,6 +27,7 @@ class Spacing:
         self._placements, self._shapes, self._accuracy = placements, shapes, accuracy
         self._shares: np.ndarray | None = None
         self._is_coarse = np.zeros(placements.count, bool)
+        self._has_coarse = False
         self._waiting = slice(0, placements.count)
         self.is_silent = False
         """Whether there is nothing to say, or it has been said."""
@@ -39,9 +42,9 @@ class Spacing:
         """Warns, once, if positions were reported on such instances; on any of them, where ids are not at hand."""
         if self.is_silent:
             return
-        rows, self._waiting = self._waiting, slice(0, 0)
-        self._is_coarse[rows] = self.is_coarse(rows)
-        if not self._is_coarse.any():
+        if self._waiting.start < self._waiting.stop:
+            self._look()
+        if not self._has_coarse:
             return
         if instance_id is not None:
             is_met = np.zeros(len(self._is_coarse) + 1, bool)
@@ -50,6 +53,13 @@ class Spacing:
                 return
         self.is_silent = True
         warnings.warn(self.line(), stacklevel=stacklevel + 1)
+
+    def _look(self) -> None:
+        """Judges the instances that have other places."""
+        with lock:
+            rows, self._waiting = self._waiting, slice(0, 0)
+            self._is_coarse[rows] = self.is_coarse(rows)
+            self._has_coarse = bool(self._is_coarse.any())
 
     def is_coarse(self, rows: slice) -> np.ndarray:
         """(n,) bool: of which instances the features are no more than a few steps wide."""
