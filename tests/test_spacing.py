@@ -17,12 +17,11 @@ BALL = trimesh.creation.icosphere(subdivisions=3)
 FAR = rt.Transform().translate(*UTM)
 
 
-def down_at(tracer, at=UTM, **options):
+def down_at(tracer, **options):
     """One ray straight down."""
-    return tracer.cast(at + np.array((0.1, 0.2, 30)), (0, 0, -1), **options)
+    return tracer.cast(UTM + np.array((0.1, 0.2, 30)), (0, 0, -1), **options)
 
 
-@pytest.mark.parametrize("accuracy", ["fast", "robust"])
 @pytest.mark.parametrize(
     "item, width",
     [
@@ -35,15 +34,24 @@ def down_at(tracer, at=UTM, **options):
     ],
     ids=["instance", "mesh", "box", "pole", "sphere", "cylinder"],
 )
-def test_one_warning_names_the_instance_and_the_way_out(item, width, accuracy, device):
-    tracer = rt.Tracer(rt.Scene([rt.Sphere(), item]), accuracy, device)
+def test_features_are_measured_where_they_are(item, width, device):
+    line = rt.Tracer(rt.Scene([rt.Sphere(), item]), "robust", device).spacing.line()
     words = (
-        rf"positions are float32 in {accuracy} and 0\.5 apart where instance 1 is, whose features are {width:.2g} wide"
+        f"positions are float32 in robust and 0.5 apart where instance 1 is, whose features are {width:.2g} wide; use"
     )
+    assert line.startswith(words)
+    near = rt.Tracer(rt.Scene([rt.Instance(rt.Sphere(), FAR), rt.Box()]), "robust", device)
+    assert near.spacing.line() is None, "features of 2, four steps wide"
+
+
+@pytest.mark.parametrize("accuracy", ["fast", "robust"])
+def test_one_warning_names_the_instance_and_the_way_out(accuracy, device):
+    tracer = rt.Tracer(rt.Scene([rt.Sphere(), rt.Sphere(UTM, 0.4)]), accuracy, device)
+    words = rf"positions are float32 in {accuracy} and 0\.5 apart where instance 1 is"
     with pytest.warns(UserWarning, match=words) as found:
         assert down_at(tracer).hit
     assert len(found) == 1
-    assert found[0].filename == __file__
+    assert found[0].filename.endswith("test_spacing.py")
     assert "use accuracy='mixed' or 'double', or move the scene to the origin" in str(found[0].message)
     # Warnings are errors: there is no second one.
     assert down_at(tracer).hit
@@ -51,9 +59,8 @@ def test_one_warning_names_the_instance_and_the_way_out(item, width, accuracy, d
 
 
 def test_nothing_is_said_where_positions_are_fine_or_not_asked_for(accuracy, device):
-    ball = rt.Instance(rt.Mesh(BALL.vertices, BALL.faces), FAR)
-    tracer = rt.Tracer(rt.Scene([rt.Sphere(), ball, rt.Plane((0, 0, -1e6), (0, 0, 1))]), accuracy, device)
-    assert down_at(tracer, outputs=("t", "position_error")).t == pytest.approx(29.03, abs=0.01)
+    tracer = rt.Tracer(rt.Scene([rt.Sphere(), rt.Sphere(UTM, 0.4)]), accuracy, device)
+    assert down_at(tracer, outputs=("t", "normal")).t == pytest.approx(29.67, abs=0.01)
     tracer.count(UTM, (0, 0, -1))
     # The far instance is in the scene, but not hit.
     assert tracer.cast((0, 0, 5), (0, 0, -1)).t == 4
@@ -71,7 +78,7 @@ def test_nothing_is_said_where_positions_are_fine_or_not_asked_for(accuracy, dev
 def test_sheets_are_not_thin(shape, device):
     turned = rt.Transform().rotate(30, (1, 2, 3)).translate(1000, 2000, 3000)
     tracer = rt.Tracer(rt.Scene([rt.Instance(shape, turned)]), device=device)
-    assert tracer.cast((1001, 2001, 3100), (0, 0, -1)).hit
+    assert tracer.spacing.line() is None
 
 
 def test_instances_that_move_are_judged_anew(device):
@@ -96,8 +103,8 @@ def test_many_instances_and_what_is_beyond_float32(device):
     places = np.tile(np.eye(4), (40, 1, 1))
     places[:, :3, 3] = UTM + np.arange(40)[:, None]
     scene = rt.Scene([rt.Instances(rt.Sphere(radius=0.1), places), rt.Sphere((0, 0, 1e39), 1e39)])
-    with pytest.warns(UserWarning, match=r"inf apart where instance 40 \(and 40 more\) is, whose features are 2e\+39"):
-        rt.Tracer(scene, device=device).cast((0, 0, -1e38), (0, 0, 1))
+    line = rt.Tracer(scene, device=device).spacing.line()
+    assert "inf apart where instance 40 (and 40 more) is, whose features are 2e+39 wide" in line
 
 
 @pytest.mark.parametrize("name", ready_scenes())
