@@ -6,7 +6,7 @@ import sys
 import textwrap
 
 
-def run_script(code: str, *arguments, timeout: float = 240, cache=None) -> str:
+def run_script(code: str, *arguments, timeout: float = 900, cache=None) -> str:
     """What the script prints; it must end with exit status 0 in time. cache: a folder for its kernels."""
     environment = os.environ | ({} if cache is None else {"WARP_CACHE_PATH": str(cache)})
     command = [sys.executable, "-c", textwrap.dedent(code), *map(str, arguments)]
