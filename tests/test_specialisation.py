@@ -15,7 +15,7 @@ from warprt.kernels.cast import make_cast, make_cast_packets, make_occluded, mak
 from warprt.kernels.film import make_settle
 from warprt.kernels.pixels import make_albedo, make_effort
 from warprt.kernels.render import make_render
-from warprt.kernels.spec import Look, Projection, ShapeKind, Spec, Tier
+from warprt.kernels.spec import Look, Projection, ShapeKind, Spec, Stored, Tier
 from warprt.kernels.walk import make_walk_cells
 
 WORDS = {
@@ -44,7 +44,7 @@ def source(kernel, tmp_path, **options):
 
 @pytest.mark.parametrize("kind", list(ShapeKind))
 def test_absent_shapes_leave_no_code_behind(kind, tier, tmp_path):
-    text = source(make_cast(Spec(tier, frozenset([kind]), instance_grid=False), False), tmp_path, device="cpu")
+    text = source(make_cast(Spec(tier, frozenset([kind]), instance_grid=False), Stored.BRIEF), tmp_path, device="cpu")
     assert WORDS[kind] in text
     for other in ShapeKind:
         assert (WORDS[other] in text) == (other == kind)
@@ -55,10 +55,12 @@ def test_absent_shapes_leave_no_code_behind(kind, tier, tmp_path):
 
 def test_points_and_normals_leave_no_code_behind_unless_asked_for(tmp_path):
     spec = Spec(Tier.ROBUST, frozenset([ShapeKind.SPHERE]))
-    (tmp_path / "brief").mkdir()
-    (tmp_path / "full").mkdir()
-    assert "normal_to_world" not in source(make_cast(spec, False), tmp_path / "brief", device="cpu")
-    assert "normal_to_world" in source(make_cast(spec, True), tmp_path / "full", device="cpu")
+    text = {}
+    for stored in Stored:
+        (tmp_path / stored.name).mkdir()
+        text[stored] = source(make_cast(spec, stored), tmp_path / stored.name, device="cpu")
+    assert ["normal_to_world" in text[stored] for stored in Stored] == [False, True, True]
+    assert ["position_error" in text[stored] for stored in Stored] == [False, False, True]
 
 
 FEATURES = {
@@ -120,9 +122,9 @@ for name in sys.argv[1:]:
     __import__(name)
 from warprt.kernels.cast import make_cast
 from warprt.kernels.render import make_render
-from warprt.kernels.spec import Look, ShapeKind, Spec, Tier
+from warprt.kernels.spec import Look, ShapeKind, Spec, Stored, Tier
 spec = Spec(Tier.ROBUST, frozenset([ShapeKind.SPHERE]))
-kernels = make_render(Look(spec, point_lights=True)), make_cast(spec, True)
+kernels = make_render(Look(spec, point_lights=True)), make_cast(spec, Stored.FULL)
 print(*(kernel.module.get_module_identifier(1) for kernel in kernels))
 """
 
@@ -140,7 +142,7 @@ def test_source_is_the_same_whatever_else_is_imported():
 
 def test_equal_specs_share_a_kernel():
     specs = [Spec(Tier.ROBUST, frozenset([ShapeKind.BOX, ShapeKind.MESH])) for _ in range(2)]
-    assert make_cast(specs[0], True) is make_cast(specs[1], True)
+    assert make_cast(specs[0], Stored.FULL) is make_cast(specs[1], Stored.FULL)
 
 
 def test_second_scene_of_a_kind_compiles_nothing(device):
@@ -155,7 +157,7 @@ MESHES = Spec(Tier.ROBUST, frozenset([ShapeKind.MESH]), instance_grid=False)
 SOME = replace(ALL, shapes=frozenset([ShapeKind.SPHERE, ShapeKind.MESH]))  # what traces is the same for pictures
 EVERYTHING = {field.name: True for field in fields(Look) if field.type is bool}
 KERNELS = {
-    "cast": lambda: make_cast(ALL, True),
+    "cast": lambda: make_cast(ALL, Stored.FULL),
     "occluded": lambda: make_occluded(SOME),
     "spawn": lambda: make_spawn(ALL),
     "walk": lambda: make_walk_cells(ALL),
@@ -172,7 +174,7 @@ KERNELS = {
 for p in (Projection.ORTHOGRAPHIC, Projection.FISHEYE, Projection.EQUIRECTANGULAR):
     KERNELS[f"render {p.value}"] = lambda p=p: make_render(Look(replace(ALL, shapes=frozenset())), p)
 for t in (Tier.FAST, Tier.MIXED, Tier.DOUBLE):
-    KERNELS[f"cast {t.value}"] = lambda t=t: make_cast(replace(SOME, tier=t), True)
+    KERNELS[f"cast {t.value}"] = lambda t=t: make_cast(replace(SOME, tier=t), Stored.FULL)
     KERNELS[f"packets {t.value}"] = lambda t=t: make_cast_packets(replace(MESHES, tier=t))
 
 

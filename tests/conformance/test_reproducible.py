@@ -20,7 +20,7 @@ from test_tiers import every_shape, matrices, rays_into
 
 import warprt as rt
 from warprt.kernels.cast import make_cast, make_cast_packets, make_occluded, make_spawn
-from warprt.kernels.spec import ShapeKind, Spec, Tier
+from warprt.kernels.spec import ShapeKind, Spec, Stored, Tier
 from warprt.shapes import power_of_two_above
 
 ALL_FIELDS = (*FIELDS, "t_error")
@@ -180,7 +180,7 @@ def kernels_of(tier):
     """One of each kind."""
     spec = Spec(tier, frozenset(ShapeKind))
     packets = Spec(tier, frozenset([ShapeKind.MESH]), instance_grid=False)
-    return [make_cast(spec, True), make_occluded(spec), make_spawn(spec), make_cast_packets(packets)]
+    return [make_cast(spec, Stored.FULL), make_occluded(spec), make_spawn(spec), make_cast_packets(packets)]
 
 
 def test_options_of_a_user_do_not_reach_the_tracer(tier, monkeypatch):
