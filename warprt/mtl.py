@@ -1,6 +1,7 @@
 """Material files of OBJ files: the diffuse colour and its picture."""
 
 import io
+import os
 import re
 from collections.abc import Iterator
 from pathlib import Path
@@ -60,16 +61,15 @@ class MaterialLibrary:
         return Material(color, texture=texture)
 
     def _paths(self) -> list[Path]:
-        """Files, each once. One that is missing is not missed: many an OBJ file goes without."""
+        """Files, each once. One that is missing is not missed, wherever it should be: many an OBJ file goes without."""
         found: dict[Path, Path] = {}
         for number, given in enumerate(self._given()):
             if number == MOST_NAMES and not self._rules.is_trusted:
                 raise ValueError(f"mtllib names more than {MOST_NAMES} files; {ADVICE}")
-            try:
-                path = self._rules.file(given.replace("\\", "/"), SUFFIXES, "mtllib")
-            except FileNotFoundError:
-                continue
-            found.setdefault(path.resolve(), path)
+            file = given.replace("\\", "/")
+            if os.path.exists(self._rules.path.parent / file):
+                path = self._rules.file(file, SUFFIXES, "mtllib")
+                found.setdefault(path.resolve(), path)
         return list(found.values())
 
     def _given(self) -> Iterator[str]:
