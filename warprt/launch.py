@@ -28,8 +28,8 @@ except ImportError:  # not on Windows, where processes that start together compi
 on_compile: Callable[[], None] | None = None
 """Called, once, before a kernel is compiled that is not in Warp's cache."""
 _is_announced = False
-_loaded: set[tuple[wp.Module, str]] = set()
-"""Of modules and devices: what needs no look at the cache any more."""
+_loaded: set[tuple[wp.Kernel, str]] = set()
+"""Of kernels and devices: what is ready to be launched."""
 
 LOCKS = 64
 """Files by which processes agree on who compiles what."""
@@ -83,7 +83,7 @@ def require_usable(device: wp.Device) -> None:
 
 def load(kernel: wp.Kernel, device: wp.Device) -> None:
     """Compiles a kernel, or loads it from the cache, if that has not been done yet; one thread at a time."""
-    if (kernel.module, device.alias) not in _loaded:
+    if (kernel, device.alias) not in _loaded:
         with lock:
             _load_first(kernel, device)
 
@@ -94,8 +94,10 @@ def _load_first(kernel: wp.Kernel, device: wp.Device) -> None:
         _is_announced = True
         on_compile()
     with contextlib.nullcontext() if _is_cached(kernel, device) else _compiler_lock(kernel, device):
-        kernel.module.load(device, _block_dim(device))
-    _loaded.add((kernel.module, device.alias))
+        module = kernel.module.load(device, _block_dim(device))
+    # Else the first launch would look up the code, for which LLVM has locks that a fork must not meet taken.
+    module.get_kernel_hooks(kernel)
+    _loaded.add((kernel, device.alias))
 
 
 @contextlib.contextmanager
