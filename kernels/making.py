@@ -12,8 +12,14 @@ from functools import wraps
 lock = threading.RLock()
 """A fork waits for it, so that nothing is half made in the child."""
 
+
+def _release() -> None:
+    if lock._is_owned():  # else a signal handler has ended the wait for it
+        lock.release()
+
+
 if hasattr(os, "register_at_fork"):
-    os.register_at_fork(before=lock.acquire, after_in_parent=lock.release, after_in_child=lock.release)
+    os.register_at_fork(before=lock.acquire, after_in_parent=_release, after_in_child=lock._at_fork_reinit)
 
 
 def once(make: Callable) -> Callable:

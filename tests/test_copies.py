@@ -94,9 +94,24 @@ def test_all_hits_can_be_copied(method, tracer, rng, device):
 def test_hits_and_tracer_that_are_copied_together_stay_together(tracer, rng):
     o, d = rays(rng, 10)
     hits = tracer.cast(o, d)
-    for pair in ({"hits": hits, "tracer": tracer}, {"tracer": tracer, "hits": hits}):
-        other = copy.deepcopy(pair)
-        assert other["hits"]._tracer is other["tracer"] is not tracer
+    other = copy.deepcopy({"tracer": tracer, "hits": hits, "t": hits.t})
+    assert other["hits"]._tracer is other["tracer"] is not tracer
+    assert other["hits"].t is other["t"] is not hits.t
+    # Alone, they need no scene of their own.
+    assert copy.deepcopy(hits)._tracer is tracer
+
+
+def test_copies_are_of_the_same_class_and_keep_what_was_added(method):
+    class Mine(rt.Tracer):
+        def __reduce__(self):  # a class of a function cannot be pickled by name
+            return super().__reduce__()
+
+    tracer = rt.Tracer(rt.Scene([rt.Sphere()]), device="cpu")
+    tracer.tag = [1, 2]
+    assert method(tracer).tag == [1, 2]
+    if method is not METHODS["pickle"]:
+        mine = Mine(tracer.scene, device="cpu")
+        assert type(method(mine)) is Mine
 
 
 @pytest.mark.parametrize("method", [copy.deepcopy, METHODS["pickle"]])
@@ -118,8 +133,17 @@ def test_what_is_read_only_stays_so(method, rng):
     mesh = method(rt.Mesh(vertices, faces, normals=vertices, colors=vertices**2))
     transform = method(rt.Transform().translate(1, 2, 3))
     texture = method(rt.Texture(np.zeros((2, 2, 3), np.uint8)))
-    matrices = (transform.world_from_local, transform.local_from_world)
-    for array in (mesh.vertices, mesh.faces, mesh.normals, mesh.colors, *mesh.bounds, *matrices, texture.pixels):
+    arrays = [mesh.vertices, mesh.faces, mesh.normals, mesh.colors, *mesh.bounds, texture.pixels]
+    arrays += [transform.world_from_local, transform.local_from_world]
+    others = [rt.Sphere(), rt.Box(), rt.Plane(), rt.Cylinder(1, 1), rt.Cone(1, 1), rt.Capsule(1, 1), rt.Disk(1)]
+    others += [rt.Camera((1, 2, 3)), rt.OrthographicCamera((1, 2, 3)), rt.PointLight((1, 2, 3))]
+    others += [rt.SpotLight((1, 2, 3), (0, 0, -1)), rt.RectangleLight((0, 3, 0), (1, 0, 0), (0, 0, 1))]
+    for other in others:
+        found = [v for v in vars(other).values() if isinstance(v, np.ndarray) and not v.flags.writeable]
+        again = [v for v in vars(method(other)).values() if isinstance(v, np.ndarray)]
+        assert len(again) >= len(found)
+        arrays += again[: len(found)] if len(found) == len(again) else []
+    for array in arrays:
         with pytest.raises(ValueError, match="read-only"):
             array[0] = 0
 

@@ -81,6 +81,64 @@ def test_children_answer_again_and_again(round, tmp_path):
     run_script(IN_CHILDREN, "busy", 6, cache=tmp_path)
 
 
+WAIT_BROKEN_OFF = """
+    import os, signal, sys, threading
+    import numpy as np
+    import warprt as rt
+    from warprt.kernels.making import lock
+
+    tracer = rt.Tracer(rt.Scene([rt.Sphere()]), device="cpu")
+    tracer.cast((0, 0, 5), (0, 0, -1))
+    is_held, is_over = threading.Event(), threading.Event()
+
+    def hold():
+        with lock:
+            is_held.set()
+            is_over.wait()
+
+    def give_up(*_):
+        raise TimeoutError
+
+    threading.Thread(target=hold).start()
+    is_held.wait()
+    signal.signal(signal.SIGALRM, give_up)
+    signal.alarm(1)
+    pid = os.fork()  # waits for the lock until the alarm
+    if pid == 0:
+        signal.signal(signal.SIGALRM, signal.SIG_DFL)
+        signal.alarm(60)
+        tracer.set_transforms(0, np.diag([2.0, 2, 2, 1]))
+        os._exit(int(tracer.cast((0, 0, 5), (0, 0, -1)).t != 3))
+    is_over.set()
+    sys.exit(os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1]))
+"""
+
+
+def test_a_fork_whose_wait_is_broken_off_leaves_no_lock_behind():
+    run_script(WAIT_BROKEN_OFF)
+
+
+PRELOADED = """
+    import multiprocessing, os
+    import warprt.launch as launch
+
+    if __name__ == "__main__":
+        pid = os.fork()  # as `forkserver` does after it has imported
+        if pid == 0:
+            os._exit(int(launch._is_forked))
+        assert os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1]) == 0
+        launch.get_device("cpu")
+        pid = os.fork()
+        if pid == 0:
+            os._exit(int(not launch._is_forked))
+        assert os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1]) == 0
+"""
+
+
+def test_only_what_has_started_warp_cannot_take_cuda_to_its_children():
+    run_script(PRELOADED)
+
+
 def test_cuda_in_a_forked_child_is_refused_in_one_line(monkeypatch):
     gpu = SimpleNamespace(alias="cuda:0", is_cuda=True)
     launch.require_usable(gpu)  # as in the parent

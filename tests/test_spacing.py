@@ -25,8 +25,8 @@ def down_at(tracer, **options):
 @pytest.mark.parametrize(
     "item, width",
     [
-        (rt.Instance(rt.Mesh(BALL.vertices, BALL.faces), FAR), 0.15),
-        (rt.Mesh(BALL.vertices + UTM, BALL.faces), 0.15),
+        (rt.Instance(rt.Mesh(BALL.vertices, BALL.faces), FAR), 0.14),
+        (rt.Mesh(BALL.vertices + UTM, BALL.faces), 0.14),
         (rt.Instance(rt.Box((0, 0, 0), (1, 1, 1)), FAR), 1),
         (rt.Instance(rt.Box((0, 0, 0), (0.4, 0.3, 90)), FAR), 0.4),
         (rt.Sphere(UTM, 0.4), 0.8),
@@ -121,3 +121,23 @@ def test_workers_leave_it_to_the_process_that_asks(device):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         assert other.cast(UTM + np.array((0, 0, 9)), (0, 0, -1)).hit
+
+
+def test_meshes_that_change_are_judged_anew(device):
+    mesh = rt.Mesh(BALL.vertices, BALL.faces)
+    tracer = rt.Tracer(rt.Scene([mesh]), device=device)
+    tracer.cast((0, 0, 5), (0, 0, -1))
+    mesh.update(BALL.vertices + UTM)
+    with pytest.warns(UserWarning, match=r"where instance 0 is, whose features are 0\.14 wide"):
+        down_at(tracer)
+
+
+def test_the_smallest_feature_counts_and_specks_do_not(device):
+    """A large mesh far away with one small face; and with an edge that is shorter than float32 tells apart anywhere."""
+    vertices = 20.0 * np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0), (1, 1, 0)]) + UTM
+    faces = [(0, 1, 2), (1, 3, 2), (4, 5, 6)]
+    for width, is_small in ((0.1, True), (1e-9, False)):
+        small = UTM + np.array([(5, 5, 1), (5 + width, 5, 1), (5, 5 + 15 * (not is_small) + width, 1)])
+        mesh = rt.Mesh(np.concatenate([vertices, small]), faces)
+        line = rt.Tracer(rt.Scene([mesh]), device=device).spacing.line()
+        assert (line is not None) == is_small

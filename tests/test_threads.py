@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 import warp as wp
 from scripts import run_script
-from test_grid import rays, soup
+from test_grid import rays, soup, sphere_mesh
 
 import warprt as rt
+from warprt import tracer as tracer_module
 from warprt.kernels.making import once
 from warprt.launch import BAND, default_threads
 
@@ -175,11 +176,38 @@ def test_moves_in_a_preview_wait_for_the_next_picture(device):
     """A picture shows one state, also when its own preview moves things."""
     tracer = rt.Tracer(rt.Scene([rt.Sphere()] * 3, [rt.AmbientLight()]), device=device)
     camera = rt.Camera((0, 0, 5))
-    before = tracer.render(camera, (16, 16), samples=4)["color"]
     away = rt.Transform().translate(50, 0, 0).world_from_local
+
+    names = ("color", "depth", "albedo")
+    before = tracer.render(camera, (16, 16), samples=4, outputs=names)
 
     def preview(image, samples):
         tracer.set_transforms(0, [away] * 3)
 
-    np.testing.assert_array_equal(tracer.render(camera, (16, 16), samples=4, preview=preview)["color"], before)
-    assert not np.array_equal(tracer.render(camera, (16, 16), samples=4)["color"], before)
+    during = tracer.render(camera, (16, 16), samples=4, outputs=names, preview=preview)
+    after = tracer.render(camera, (16, 16), samples=4, outputs=names)
+    for name in names:
+        np.testing.assert_array_equal(during[name], before[name])
+        assert not np.array_equal(after[name], before[name])
+
+
+def test_a_mesh_may_lose_its_normals_while_it_is_rendered(device, monkeypatch):
+    """A kernel for smooth meshes must not be given what is known of flat ones."""
+    vertices, faces = sphere_mesh(8)
+    mesh = rt.Mesh(vertices, faces).smooth()
+    tracer = rt.Tracer(rt.Scene([mesh], [rt.DirectionalLight((0, -1, -1))]), device=device)
+    camera = rt.Camera((0, 0, 5))
+    before = tracer.render(camera, (16, 16))["color"]
+    make_render = tracer_module.make_render
+
+    def interrupted(*arguments):
+        if mesh.normals is not None:
+            mesh.update(vertices * 0.5)
+            tracer.cast((0, 0, 5), (0, 0, -1))  # as another thread would
+        return make_render(*arguments)
+
+    monkeypatch.setattr(tracer_module, "make_render", interrupted)
+    np.testing.assert_array_equal(tracer.render(camera, (16, 16))["color"], before)
+    small = tracer.render(camera, (16, 16))["color"]
+    flat = rt.Tracer(rt.Scene([rt.Mesh(vertices * 0.5, faces)], tracer.scene.lights), device=device)
+    np.testing.assert_array_equal(small, flat.render(camera, (16, 16))["color"])

@@ -359,3 +359,16 @@ def test_hits_that_a_limit_cuts_off_are_counted_in_one_warning(device):
     with pytest.warns(UserWarning, match="max_hits=5 cuts off 235 hits, on 1 of 1 rays"):
         again.intersects_id(o[:1], d[:1], max_hits=5)
     assert not RayMeshIntersector(trimesh.Trimesh()).contains_points(o).any()
+
+
+def test_a_subclass_is_not_under_a_cap_either(device):
+    class Mine(RayMeshIntersector):
+        def intersects_location(self, *arguments, **options):
+            return super().intersects_location(*arguments, **options)
+
+    mesh = comb(range(120), width=1)
+    mesh.ray = Mine(mesh, device=device)
+    assert len(np.unique(trimesh.voxel.creation.voxelize_ray(mesh, 0.5).points[:, 2])) == 240
+    with pytest.warns(UserWarning, match="max_hits=100 cuts off"):
+        mesh.ray.intersects_location([(0.2, 0.3, -1)], [(0, 0, 1)])
+    assert type(copy.copy(mesh.ray)) is type(copy.deepcopy(mesh.ray)) is Mine

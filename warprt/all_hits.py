@@ -73,7 +73,8 @@ class AllHits:
         return {**self.__dict__, **{name: on_host(self.__dict__[name]) for name in arrays}}
 
     def __deepcopy__(self, memo):
-        return AllHits(self.shape, copied(self.offsets), {name: copied(self.__dict__[name]) for name in self._names})
+        fields = {name: copied(self.__dict__[name], memo) for name in self._names}
+        return AllHits(self.shape, copied(self.offsets, memo), fields)
 
     def __copy__(self):
         return AllHits(self.shape, self.offsets, {name: self.__dict__[name] for name in self._names})

@@ -1,6 +1,7 @@
 """From a scene to what lies on a device: the only place where its float64 numbers become arrays there."""
 
-from collections.abc import Iterator
+import os
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import NamedTuple
@@ -57,21 +58,22 @@ class DeviceScene:
     versions: list[int]
     """Of the meshes among the shapes, as they are on the device."""
     _users: list = field(default_factory=list, repr=False)
-    """One entry for each query at work. A list, since appending needs no lock."""
+    """The process of each query at work, as those of a parent are not at work in a fork. Appending needs no lock."""
     _is_changing: bool = False
 
     @contextmanager
     def in_use(self) -> Iterator[SceneState]:
         """The scene as it now is, for a query: what changes meanwhile changes elsewhere in memory."""
-        self._users.append(None)
+        process = os.getpid()
+        self._users.append(process)
         while self._is_changing:
-            self._users.pop()
+            self._users.remove(process)
             with lock:  # held by the thread that changes it
-                self._users.append(None)
+                self._users.append(process)
         try:
             yield SceneState(self.spec, self.struct, self.device)
         finally:
-            self._users.pop()
+            self._users.remove(process)
 
     @contextmanager
     def _changing(self) -> Iterator[None]:
@@ -79,30 +81,33 @@ class DeviceScene:
         with lock:
             self._is_changing = True
             try:
-                if self._users:
+                if os.getpid() in self._users:
                     self.placements.leave_arrays()
                 yield
             finally:
                 self._is_changing = False
 
-    def refresh(self) -> None:
-        """Brings over the meshes that have been updated."""
+    def refresh(self) -> slice | None:
+        """Brings over the meshes that have been updated. The instances that may have changed by it, if any."""
         meshes = [shape for shape in self.shapes if isinstance(shape, Mesh)]
         if [mesh.version for mesh in meshes] == self.versions:
-            return
+            return None
         with self._changing():
             versions = [mesh.version for mesh in meshes]
             canonicals = [shape.canonical() for shape in self.shapes]
             updated = {id(mesh) for mesh, old in zip(meshes, self.versions, strict=True) if mesh.version != old}
-            self.placements.reshape(canonicals, [k for k, shape in enumerate(self.shapes) if id(shape) in updated])
+            rows = self.placements.reshape(
+                canonicals, [k for k, shape in enumerate(self.shapes) if id(shape) in updated]
+            )
             self.meshes = [mesh.device_copy(self.spec.tier, self.device, self.spec.mesh_grid) for mesh in meshes]
             self.versions = versions
             self._fill(canonicals)
+        return rows
 
-    def move(self, first: int, world_from_local: ArrayLike) -> slice:
-        """Gives new matrices to consecutive instances, and says which; see `Tracer.set_transforms`."""
+    def move(self, runs: Iterable[tuple[int, ArrayLike]]) -> list[slice]:
+        """Gives new matrices to runs of instances, and says which they are; see `Tracer.set_transforms`."""
         with self._changing():
-            rows = self.placements.move(first, world_from_local)
+            rows = self.placements.move(runs)
             before = self.struct
             self.struct = scene_struct(self.spec)()
             self.struct.shape, self.struct.instances = before.shape, self.placements.struct()

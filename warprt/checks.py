@@ -43,14 +43,6 @@ def finite_array(value: ArrayLike, shape: tuple[int, ...], name: str) -> np.ndar
     return array
 
 
-def read_only(state: dict) -> dict:
-    """The state of a copied or unpickled object, whose arrays have become writable."""
-    for value in state.values():
-        if isinstance(value, np.ndarray):
-            value.setflags(write=False)
-    return state
-
-
 def vector(value: ArrayLike, name: str) -> np.ndarray:
     """A finite 3-vector."""
     return finite_array(value, (3,), name)

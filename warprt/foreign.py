@@ -18,6 +18,8 @@ def settled(value, name: str):
         if np.ma.is_masked(value):
             raise ValueError(f"{name} must not have masked elements; fill them, as .filled(np.nan) does")
         return value.data
+    if isinstance(value, (list, tuple)) and any(np.ma.is_masked(part) for part in value):
+        raise ValueError(f"{name} must not have masked elements; fill them, as .filled(np.nan) does")
     if isinstance(value, (np.ndarray, np.generic, wp.array)):
         return value
     if "complex" in str(getattr(value, "dtype", "")):

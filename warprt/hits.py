@@ -99,9 +99,10 @@ class Hits:
         return {**self.__dict__, **fields, "_rays": None, "_tracer": None}
 
     def __deepcopy__(self, memo):
-        fields = {name: copied(self.__dict__[name]) for name in self._names}
         other = copy.copy(self)
-        other.__dict__.update(fields, _rays=self._rays, _tracer=copy.deepcopy(self._tracer, memo))
+        other.__dict__.update({name: copied(self.__dict__[name], memo) for name in self._names})
+        # Nothing in hits changes the tracer, so they share it, unless it is copied with them.
+        other._tracer = memo.get(id(self._tracer), self._tracer)
         return other
 
     def __copy__(self):
@@ -137,9 +138,11 @@ def on_host(values: Array) -> np.ndarray:
     return values.numpy() if isinstance(values, wp.array) else values
 
 
-def copied(values: Array) -> Array:
-    """A copy where the values are. (`copy.deepcopy` does not work on Warp arrays.)"""
-    return wp.clone(values) if isinstance(values, wp.array) else values.copy()
+def copied(values: Array, memo: dict) -> Array:
+    """A deep copy where the values are. (`copy.deepcopy` does not work on Warp arrays.)"""
+    if isinstance(values, wp.array):
+        return wp.clone(values)
+    return copy.deepcopy(values, memo)
 
 
 def hit_arrays(real: type, fields: dict[str, wp.array]):

@@ -61,9 +61,16 @@ _forked_pools: list[dict] = []
 _is_forked = False
 
 
+def get_device(device: str | wp.Device | None) -> wp.Device:
+    """As `wp.get_device`, whose first call starts Warp, for one thread at a time."""
+    with lock:
+        return wp.get_device(device)
+
+
 def _after_fork() -> None:
     global _is_forked
-    _is_forked = True
+    # Only then has CUDA been started: a process that has imported Warp alone may be forked.
+    _is_forked = _is_forked or getattr(wp._src.context, "runtime", True) is not None
     _forked_pools.append(dict(pool.made))
     pool.made.clear()
 

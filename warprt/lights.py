@@ -8,6 +8,7 @@ import numpy as np
 from . import checks
 from .materials import Material
 from .mesh import Mesh
+from .read_only import ReadOnly
 from .sky import GradientSky
 from .typing import ArrayLike
 
@@ -16,7 +17,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, eq=False)
-class AmbientLight:
+class AmbientLight(ReadOnly):
     """The same light from everywhere; nothing shadows it. Raises ValueError for a negative or non-finite colour."""
 
     color: ArrayLike = (0.1, 0.1, 0.1)
@@ -27,7 +28,7 @@ class AmbientLight:
 
 
 @dataclass(frozen=True, eq=False)
-class PointLight:
+class PointLight(ReadOnly):
     """Light from one point, in scene units, with hard shadows.
 
     Raises ValueError for a position that is not finite, and a negative or non-finite colour.
@@ -47,7 +48,7 @@ class PointLight:
 
 
 @dataclass(frozen=True, eq=False)
-class SpotLight:
+class SpotLight(ReadOnly):
     """Light from one point into a cone, with hard shadows.
 
     Raises ValueError for a position that is not finite, a zero or non-finite direction, a negative or non-finite
@@ -82,7 +83,7 @@ class SpotLight:
 
 
 @dataclass(frozen=True, eq=False)
-class RectangleLight:
+class RectangleLight(ReadOnly):
     """Light from a rectangle or parallelogram, evenly to the side of edge_u x edge_v, with soft shadows.
 
     Each sample of a pixel sees light from one point of it, so noise falls with `samples`. Rays do not see the light
@@ -123,7 +124,7 @@ class RectangleLight:
 
 
 @dataclass(frozen=True, eq=False)
-class DirectionalLight:
+class DirectionalLight(ReadOnly):
     """Parallel light, as from the sun, with hard shadows.
 
     Raises ValueError for a zero or non-finite direction, and a negative or non-finite colour.

@@ -6,6 +6,7 @@ import numpy as np
 
 from . import checks
 from .camera import Pinhole
+from .read_only import ReadOnly
 from .typing import ArrayLike
 
 LARGEST_STEP = 1e100
@@ -13,7 +14,7 @@ LARGEST_STEP = 1e100
 
 
 @dataclass(frozen=True, eq=False)
-class MatrixCamera(Pinhole):
+class MatrixCamera(Pinhole, ReadOnly):
     """A pinhole given by an intrinsic and an extrinsic matrix, with the axes of OpenCV: x right, y down, z forward.
 
     intrinsic: (3, 3) [[fx, s, cx], [0, fy, cy], [0, 0, 1]] in pixels, for a picture of `size` (width, height) pixels.

@@ -7,7 +7,7 @@ import warp as wp
 
 from warprt.kernels.convert import make_convert
 
-from .launch import default_threads, launch
+from .launch import launch
 
 LINE = 64
 """Bytes of a cache line, to which arrays are aligned on a CPU."""
@@ -33,8 +33,7 @@ def struct_array(structs: list, dtype, device: wp.Device) -> wp.array:
 
 def convert(source: wp.array, target: wp.array) -> None:
     """Copies numbers or vectors to an array of as many of another type, on the same device."""
-    inputs = [source, target]
-    launch(make_convert(source.dtype, target.dtype), target.size, inputs, target.device, default_threads())
+    launch(make_convert(source.dtype, target.dtype), target.size, [source, target], target.device, threads=1)
 
 
 def available_bytes(device: wp.Device) -> int:

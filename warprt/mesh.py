@@ -23,6 +23,7 @@ from .grid import (
     vertex_bounds,
 )
 from .memory import convert
+from .read_only import ReadOnly
 from .shapes import Canonical, power_of_two_above
 from .typing import ArrayLike
 from .visuals import coated
@@ -37,7 +38,7 @@ hit, and a ray may stop as soon as its best hit lies before the exit of a cell.
 """
 
 
-class Mesh:
+class Mesh(ReadOnly):
     """Triangles that share vertices, with a uniform grid over them.
 
     vertices: (V, 3) finite numbers, in scene units. faces: (F, 3) integers, indices into the vertices. normals: (V, 3)
@@ -84,9 +85,6 @@ class Mesh:
         with lock:
             return {**self.__dict__, "_vertices": self.vertices, **made_anew}
 
-    def __setstate__(self, state):
-        self.__dict__.update(checks.read_only(state))
-
     @property
     def vertices(self) -> np.ndarray:
         """(V, 3) float64, read-only."""
@@ -104,6 +102,9 @@ class Mesh:
     @property
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
         """(lower, upper) corners of the vertices that faces use, (3,) float64, read-only."""
+        bounds = self._bounds
+        if bounds is not None:
+            return bounds
         with lock:
             if self._bounds is None:
                 self._bounds = self._found_bounds()

@@ -1,5 +1,7 @@
 """All placements of a scene as arrays, and the grid through which rays find them."""
 
+from collections.abc import Iterable
+
 import numpy as np
 import warp as wp
 
@@ -62,8 +64,18 @@ class Placements:
         self._place(slice(0, self.count))
         self._list()
 
-    def move(self, first: int, world_from_local: ArrayLike) -> slice:
-        """Gives new matrices to consecutive instances, and says to which; see `Tracer.set_transforms`."""
+    def move(self, runs: Iterable[tuple[int, ArrayLike]]) -> list[slice]:
+        """Gives new matrices to runs of instances, each with the first; see `Tracer.set_transforms`."""
+        moved: list[slice] = []
+        try:
+            for first, world_from_local in runs:
+                moved.append(self._move(first, world_from_local))
+        finally:
+            if moved:
+                self._relist(np.concatenate([np.arange(rows.start, rows.stop) for rows in moved]))
+        return moved
+
+    def _move(self, first: int, world_from_local: ArrayLike) -> slice:
         first = checks.integer(first, "first_instance", 0)
         matrices = affine(world_from_local, "world_from_local")
         matrices = matrices[None] if matrices.ndim == 2 else matrices
@@ -84,26 +96,30 @@ class Placements:
             for name, values in before.items():
                 getattr(self, name)[rows] = values
             raise
-        self._relist(rows)
         return rows
 
     def leave_arrays(self) -> None:
         """Goes on with copies of the arrays that queries at work read."""
         self._arrays = {name: wp.clone(array) for name, array in self._arrays.items()}
 
-    def reshape(self, canonicals: list, changed: list[int]) -> None:
-        """Takes note that some shapes, by their numbers, have other centres, scales or bounds."""
+    def reshape(self, canonicals: list, changed: list[int]) -> slice:
+        """Takes note that some shapes, by their numbers, have other centres, scales or bounds.
+
+        Returns a range that holds all their instances.
+        """
         rows = np.flatnonzero(np.isin(self.shape, changed))
         before, self.canonicals = self.canonicals, canonicals
         if len(rows) == 0:
-            return
+            return slice(0, 0)
+        # One range, so that nothing has changed when it raises; what else lies in it stays as it is.
+        span = slice(int(rows[0]), int(rows[-1]) + 1)
         try:
-            # One range, so that nothing has changed when it raises; what else lies in it stays as it is.
-            self._place(slice(int(rows[0]), int(rows[-1]) + 1))
+            self._place(span)
         except ValueError:
             self.canonicals = before
             raise
         self._relist(rows)
+        return span
 
     @property
     def has_grid(self) -> bool:

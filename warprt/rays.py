@@ -121,7 +121,11 @@ def as_rays(origins, directions, t_min, t_max, device: wp.Device, most: int = 2*
     origins, directions = vectors(origins), vectors(directions)
     t_min, t_max = adopted(t_min, "t_min"), adopted(t_max, "t_max")
     if isinstance(origins, wp.array) != isinstance(directions, wp.array):
-        raise ValueError("origins and directions must both be arrays on a device, or neither")
+        one, other = ("origins", "directions") if isinstance(origins, wp.array) else ("directions", "origins")
+        raise ValueError(
+            f"{one} are an array of Warp or of another library, and {other} are not: origins and directions must both "
+            "be arrays on a device, or neither"
+        )
     if isinstance(origins, wp.array):
         origins, directions = _warp_vectors(origins, "origins", device), _warp_vectors(directions, "directions", device)
         if origins.shape != directions.shape or origins.dtype != directions.dtype:

@@ -8,6 +8,7 @@ import numpy as np
 from warprt.kernels.spec import ShapeKind
 
 from . import checks
+from .read_only import ReadOnly
 from .typing import ArrayLike
 
 
@@ -60,7 +61,7 @@ def _sizes(radius: float, height: float, name: str) -> tuple[float, float]:
 
 
 @dataclass(frozen=True, eq=False)
-class Sphere:
+class Sphere(ReadOnly):
     """All points at distance `radius` from `center`, in scene units.
 
     Raises ValueError unless the radius is positive and finite.
@@ -87,7 +88,7 @@ class Sphere:
 
 
 @dataclass(frozen=True, eq=False)
-class Box:
+class Box(ReadOnly):
     """The axis-aligned box between two corners. It may be flat (lower == upper on an axis).
 
     Raises ValueError where lower > upper.
@@ -115,7 +116,7 @@ class Box:
 
 
 @dataclass(frozen=True, eq=False)
-class Plane:
+class Plane(ReadOnly):
     """The infinite plane through `point` with `normal`, which need not be unit.
 
     Raises ValueError for a zero normal.
@@ -140,7 +141,7 @@ class Plane:
         return Canonical(self.point, 1.0, np.zeros(3), self.normal / power_of_two_above(np.abs(self.normal).max()))
 
 
-class _Round:
+class _Round(ReadOnly):
     """What shapes share that stand upright about the middle of their axis, along z."""
 
     def __post_init__(self):
@@ -217,7 +218,7 @@ class Capsule(_Round):
 
 
 @dataclass(frozen=True, eq=False)
-class Disk:
+class Disk(ReadOnly):
     """All points within `radius` of `center` in the plane z = center z, in scene units; its normal is +z.
 
     It has no thickness: rays along it never hit, all others do from both sides; the rim counts. Raises ValueError

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from . import checks
+from .read_only import ReadOnly
 from .texture import Texture
 from .typing import ArrayLike
 
@@ -26,7 +27,7 @@ class GradientSky:
 
 
 @dataclass(frozen=True, eq=False)
-class ImageSky:
+class ImageSky(ReadOnly):
     """A background that is a picture of all directions, as an `EquirectangularCamera` takes it.
 
     Columns are longitudes, with -z in the middle and +x to the right of it; rows are latitudes, with +y on top. Linear

@@ -11,6 +11,8 @@ from .placements import Placements
 
 STEPS = 2
 """A feature must be wider than so many steps from one float32 to the next."""
+SHORTEST = 2.0**-20
+"""Of a mesh's longest side: shorter edges are a few steps of float32 at the mesh itself."""
 SAMPLED = 4096
 """Faces, spread over a mesh, by which its edges are judged."""
 
@@ -18,9 +20,9 @@ SAMPLED = 4096
 class Spacing:
     """Instances of a scene whose features positions cannot tell apart, and the one warning that says so.
 
-    A feature of a mesh is an edge of median length, of another shape its middle side, so that a sheet does not count as
-    thin, each as placed in the world. It is held against the step from one float32 to the next at the corner of the
-    instance's bounds that is farthest from the origin.
+    A feature of a mesh is its shortest edge, of another shape its middle side, so that a sheet does not count as thin,
+    each as placed in the world. It is held against the step from one float32 to the next at the farthest corner of the
+    instance's bounds from the origin. Edges too short for float32 wherever the mesh lies are left to `audit`.
     """
 
     def __init__(self, placements: Placements, shapes: list, accuracy: str):
@@ -38,6 +40,11 @@ class Spacing:
         is_none = waiting.start >= waiting.stop
         self._waiting = rows if is_none else slice(min(waiting.start, rows.start), max(waiting.stop, rows.stop))
 
+    def reshaped(self, rows: slice) -> None:
+        """Takes note that the shapes of some instances have changed."""
+        self._shares = None
+        self.moved(rows)
+
     def warn(self, instance_id: np.ndarray | None, stacklevel: int) -> None:
         """Warns, once, if positions were reported on such instances; on any of them, where ids are not at hand."""
         if self.is_silent:
@@ -51,8 +58,12 @@ class Spacing:
             is_met[instance_id] = True  # of misses the last one
             if not (is_met[:-1] & self._is_coarse).any():
                 return
-        self.is_silent = True
-        warnings.warn(self.line(), stacklevel=stacklevel + 1)
+        with lock:
+            if self.is_silent:
+                return
+            self.is_silent = True
+            line = self.line()
+        warnings.warn(line, stacklevel=stacklevel + 1)
 
     def _look(self) -> None:
         """Judges the instances that have other places."""
@@ -63,13 +74,13 @@ class Spacing:
 
     def is_coarse(self, rows: slice) -> np.ndarray:
         """(n,) bool: of which instances the features are no more than a few steps wide."""
-        return STEPS * self.steps(rows) >= self.features(rows)
+        features = self.features(rows)
+        return np.isfinite(features) & (STEPS * self.steps(rows) >= features)
 
     def line(self) -> str | None:
         """What is wrong with the positions of which instance, and what to do about it; None if nothing is."""
         rows = slice(0, self._placements.count)
-        step, feature = self.steps(rows), self.features(rows)
-        is_coarse = STEPS * step >= feature
+        step, feature, is_coarse = self.steps(rows), self.features(rows), self.is_coarse(rows)
         if not is_coarse.any():
             return None
         i = int(np.argmax(np.where(is_coarse, step / feature, 0)))
@@ -112,5 +123,5 @@ def _share(shape) -> float:
     middle = float(_middle(upper - lower))
     corners = shape.vertices[shape.faces[:: -(-len(shape.faces) // SAMPLED)]]
     edges = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)
-    edges = edges[edges > 0]
-    return min(1.0, float(np.median(edges)) / middle) if middle > 0 and len(edges) else 1.0
+    edges = edges[edges > SHORTEST * float((upper - lower).max())]
+    return min(1.0, float(edges.min()) / middle) if middle > 0 and len(edges) else 1.0

@@ -9,6 +9,7 @@ import PIL.Image
 from . import checks
 from .foreign import hosted
 from .picture_files import Picture, picture_of, read_picture
+from .read_only import ReadOnly
 from .typing import ArrayLike
 
 WRAPS = ("repeat", "clamp", "mirror")
@@ -17,7 +18,7 @@ MOST_SQUARES = 4096
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Texture:
+class Texture(ReadOnly):
     """A picture that multiplies the colours of a material, laid over a mesh by its uvs.
 
     pixels: (H, W, 3) or (H, W, 4) uint8, or floats of at least 0, row 0 on top, or the path of a picture, or a Pillow
@@ -48,9 +49,6 @@ class Texture:
         is_srgb = pixels.dtype == np.uint8 if self.is_srgb is None else bool(self.is_srgb)
         object.__setattr__(self, "pixels", pixels)
         object.__setattr__(self, "is_srgb", is_srgb)
-
-    def __setstate__(self, state):
-        self.__dict__.update(checks.read_only(state))
 
     @property
     def size(self) -> tuple[int, int]:

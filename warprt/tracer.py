@@ -1,10 +1,11 @@
 """The tracer: a scene on a device, ready to answer rays and to make pictures."""
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Executor
-from contextlib import nullcontext
+from contextlib import ExitStack, contextmanager, nullcontext
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 import warp as wp
@@ -13,7 +14,7 @@ from warprt.kernels import making
 from warprt.kernels.cast import make_cast, make_cast_packets, make_occluded, make_occluded_packets, make_spawn
 from warprt.kernels.pixels import make_albedo, make_effort
 from warprt.kernels.render import make_render
-from warprt.kernels.spec import Projection, Stored, Tier
+from warprt.kernels.spec import Look, Stored, Tier
 
 from . import checks
 from .all_hits import MOST_HITS, AllHits, Wanted, all_field_names, all_hits, hit_counts, joined_hits
@@ -24,7 +25,7 @@ from .farm import work
 from .film import FILM, Film, is_measured
 from .hits import Hits, by_parts, field_names, field_types, hit_arrays, stored
 from .image import EFFORT, Image, output_names
-from .launch import default_threads, launch, launch_packets, load, require_usable
+from .launch import default_threads, get_device, launch, launch_packets, load, require_usable
 from .memory import convert
 from .mesh import Mesh
 from .parcel import recipe_of
@@ -46,12 +47,11 @@ INTEGRATORS = {"whitted": 8, "path": 64}
 
 def as_device(device: str | wp.Device | None) -> wp.Device:
     """The device of that name, Warp's current one for None, or a ValueError that lists what there is."""
-    with making.lock:  # the first call starts Warp
-        try:
-            return wp.get_device(device)
-        except (ValueError, RuntimeError, TypeError):
-            names = ", ".join(d.alias for d in wp.get_devices())
-            raise ValueError(f"device {device!r} is not available here; there is {names}") from None
+    try:
+        return get_device(device)
+    except (ValueError, RuntimeError, TypeError):
+        names = ", ".join(d.alias for d in wp.get_devices())
+        raise ValueError(f"device {device!r} is not available here; there is {names}") from None
 
 
 def choice(value: str, choices: Iterable[str], name: str) -> str:
@@ -66,6 +66,15 @@ def checked_noise(noise: float) -> float:
     if isinstance(noise, bool) or not value > 0:
         raise ValueError(f"noise must be positive, such as 0.01; got {noise!r}")
     return value
+
+
+class LookState(NamedTuple):
+    """Materials, lights and sky on a device."""
+
+    has_normals: list[bool]
+    """Of each mesh."""
+    spec: Look
+    struct: object
 
 
 class Tracer:
@@ -111,13 +120,13 @@ class Tracer:
         self.spacing = Spacing(self._device_scene.placements, self._device_scene.shapes, accuracy)
         """Whether positions tell apart what the scene holds."""
         self.spacing.is_silent = tier.result is wp.float64
-        self._look: tuple | None = None
-        """Which meshes have normals, compile-time choices, struct."""
+        self._look: LookState | None = None
 
     def __reduce__(self):
         settings = {"device": self.device.alias, "threads": self.threads, "budget": self.budget}
         settings |= {"accuracy": self.accuracy, "accelerator": self.accelerator}
-        return remade_tracer, (self.scene, settings, self.moved(), self.tile_rays)
+        kept = {name: value for name, value in self.__dict__.items() if name not in _MADE_ANEW}
+        return remade_tracer, (self.scene, settings, self.moved(), type(self)), kept
 
     def __repr__(self) -> str:
         return f"Tracer({self.scene.instance_count} instances, {self.accuracy}, {self.device.alias})"
@@ -168,7 +177,14 @@ class Tracer:
             fields = self._shared_out("cast", rays, executor, {"outputs": names})
             self._warn_of_positions(fields)
             return Hits(fields, rays, self)
-        spec, what = self._device_scene.spec, stored(names)
+        with self._device_scene.in_use() as scene:
+            fields = self._cast(scene, rays, names)
+        self._warn_of_positions(fields)
+        return Hits(fields, rays, self)
+
+    def _cast(self, scene: SceneState, rays: Rays, names: tuple[str, ...]) -> dict[str, Array]:
+        """Fields of the closest hits."""
+        spec, what = scene.spec, stored(names)
         in_packets = spec.in_packets and what is Stored.BRIEF
         kernel = make_cast_packets(spec) if in_packets else make_cast(spec, what)
         types = {name: field_types(self._real)[name] for name in names}
@@ -178,10 +194,7 @@ class Tracer:
             inputs = [scene.struct, part.struct, hit_arrays(self._real, fields)]
             start(kernel, part.count, inputs, self.device, self.threads)
 
-        with self._device_scene.in_use() as scene:
-            fields = by_parts(rays, types, run)
-        self._warn_of_positions(fields)
-        return Hits(fields, rays, self)
+        return by_parts(rays, types, run)
 
     def occluded(
         self,
@@ -283,10 +296,14 @@ class Tracer:
         instances; when there are more, it is built again. Raises ValueError, and changes nothing, if a matrix is
         singular, not finite or not affine.
         """
+        self._move([(first_instance, world_from_local)])
+
+    def _move(self, runs: Iterable[tuple[int, ArrayLike]]) -> None:
+        """Several `set_transforms` at once, each with a first instance and its matrices."""
         with making.lock:
-            rows = self._device_scene.move(first_instance, world_from_local)
-            self._is_moved[rows] = True
-            self.spacing.moved(rows)
+            for rows in self._device_scene.move(runs):
+                self._is_moved[rows] = True
+                self.spacing.moved(rows)
 
     def moved(self) -> tuple[tuple[int, np.ndarray], ...]:
         """(first instance, matrices) of each run of instances to which `set_transforms` has given new ones."""
@@ -349,7 +366,7 @@ class Tracer:
             raise ValueError(f"camera must be {names}; got {type(camera).__name__}")
         names = output_names(outputs)
         rows = (0, height) if rows is None else self._checked_rows(rows, height)
-        self._device_scene.refresh()
+        self._refresh()
         camera = camera or self.scene.camera or self.framing_camera()
         if executor is not None:
             if preview is not None:
@@ -360,17 +377,32 @@ class Tracer:
             return self._render_shared_out(tiles, executor, rows[1], rows[1] * width * samples, progress)
         arrays: dict[str, np.ndarray] = {}
         of_film = [name for name in names if name in FILM]
-        if of_film:
-            bounces = max_bounces if replace(self._looks()[0], paths=integrator == "path").goes_on else None
-            film = Film(rows, width, of_film, noise, bounces, self.device, self.threads)
-            bar = Bar("render", film.size * samples) if progress is True else nullcontext(progress or None)
-            with bar as report, self._device_scene.in_use() as scene:
-                run = self._film_launcher(scene, film, camera, (width, height), integrator)
-                arrays |= film.developed(run, samples, report, preview)
         of_center = [name for name in names if name not in FILM]
-        if of_center:
-            arrays |= self._render_fields(camera, width, height, of_center, rows)
+        with self._shown(needs_look=bool(of_film) or "albedo" in names) as (scene, look):
+            if of_film:
+                look_spec = replace(look.spec, paths=integrator == "path")
+                bounces = max_bounces if look_spec.goes_on else None
+                film = Film(rows, width, of_film, noise, bounces, self.device, self.threads)
+                kernel = make_render(look_spec, camera.projection, film.is_measured)
+                run = self._film_launcher(kernel, [scene.struct, look.struct, camera.struct(width, height)], film)
+                bar = Bar("render", film.size * samples) if progress is True else nullcontext(progress or None)
+                with bar as report:
+                    arrays |= film.developed(run, samples, report, preview)
+            if of_center:
+                rays = self._as_rays(*camera.rays(width, height, rows), 0.0, math.inf)
+                arrays |= self._render_fields(scene, look, rays, of_center)
+        self._warn_of_positions(arrays)
         return Image({name: arrays[name] for name in names})
+
+    @contextmanager
+    def _shown(self, needs_look: bool) -> Iterator[tuple]:
+        """(scene, look or None), both of one state, for a picture."""
+        with ExitStack() as stack:
+            with making.lock:
+                self._refresh()
+                look = self._looks() if needs_look else None
+                scene = stack.enter_context(self._device_scene.in_use())
+            yield scene, look
 
     def _render_shared_out(self, tiles, executor: Executor, height: int, rays: int, progress) -> Image:
         picture = Rows(height)
@@ -398,66 +430,54 @@ class Tracer:
         names = set(output_names(outputs)) & {*FILM}
         camera = camera or self.scene.camera or self.framing_camera()
         if names:
-            load(self._render_kernel(camera.projection, integrator, is_measured(names, noise)), self.device)
+            look_spec = replace(self._looks().spec, paths=integrator == "path")
+            load(make_render(look_spec, camera.projection, is_measured(names, noise)), self.device)
 
-    def _looks(self) -> tuple:
-        """(compile-time choices, struct) of materials, lights and sky; ray queries do without."""
-        # Normals of a mesh go when it is updated.
-        look = self._look
-        if look is None or look[0] != self._has_normals():
-            with making.lock:
-                look = self._has_normals(), *assemble_look(self.scene, self._device_scene.spec, self.device)
-                self._look = look
-        return look[1:]
+    def _looks(self) -> LookState:
+        """Materials, lights and sky; ray queries do without."""
+        with making.lock:
+            # Normals of a mesh go when it is updated.
+            meshes = [shape for shape in self._device_scene.shapes if isinstance(shape, Mesh)]
+            has_normals = [mesh.normals is not None for mesh in meshes]
+            if self._look is None or self._look.has_normals != has_normals:
+                spec, struct = assemble_look(self.scene, self._device_scene.spec, self.device)
+                self._look = LookState(has_normals, spec, struct)
+            return self._look
 
-    def _has_normals(self) -> list[bool]:
-        return [isinstance(shape, Mesh) and shape.normals is not None for shape in self._device_scene.shapes]
-
-    def _render_kernel(self, projection: Projection, integrator: str, is_measured: bool = False) -> wp.Kernel:
-        return make_render(replace(self._looks()[0], paths=integrator == "path"), projection, is_measured)
-
-    def _film_launcher(self, scene: SceneState, film: Film, camera: AnyCamera, size: tuple[int, int], integrator: str):
-        """What runs the kernel over some pixels of a film."""
-        kernel = self._render_kernel(camera.projection, integrator, film.is_measured)
-        before = [scene.struct, self._looks()[1], camera.struct(*size)]
+    def _film_launcher(self, kernel: wp.Kernel, before: list, film: Film):
+        """What runs a kernel over some pixels of a film."""
 
         def run(samples: int, first: int, count: int) -> None:
             launch(kernel, count, [*before, film.struct, samples], self.device, self.threads, first)
 
         return run
 
-    def _render_fields(self, camera, width, height, names, rows) -> dict[str, np.ndarray]:
-        origins, directions = camera.rays(width, height, rows)
+    def _render_fields(
+        self, scene: SceneState, look: LookState | None, rays: Rays, names: list[str]
+    ) -> dict[str, np.ndarray]:
+        """What describes the hits of the rays through the centres of pixels."""
         arrays: dict[str, np.ndarray] = {}
         if "albedo" in names:
-            arrays |= self._albedo(self._rays(origins, directions, 0.0, math.inf))
+            kernel, types = make_albedo(look.spec), {"albedo": wp.vec3f}
+            arrays |= self._of_each_ray(scene, kernel, rays, types, lambda fields: [look.struct, fields["albedo"]])
         if not set(EFFORT).isdisjoint(names):
-            arrays |= self._effort(self._rays(origins, directions, 0.0, math.inf))
+            kernel, types = make_effort(scene.spec), dict.fromkeys(EFFORT, wp.int32)
+            arrays |= self._of_each_ray(scene, kernel, rays, types, lambda fields: [*fields.values()])
         fields = {name: "t" if name == "depth" else name for name in names if name not in (*EFFORT, "albedo")}
         if fields:
-            hits = self.cast(origins, directions, outputs=fields.values())
-            arrays |= {name: getattr(hits, field) for name, field in fields.items()}
+            hits = self._cast(scene, rays, tuple(fields.values()))
+            arrays |= {name: hits[field] for name, field in fields.items()}
         return arrays
 
-    def _albedo(self, rays: Rays) -> dict[str, Array]:
-        look, struct = self._looks()
-        return self._of_each_ray(
-            make_albedo(look), rays, {"albedo": wp.vec3f}, lambda fields: [struct, fields["albedo"]]
-        )
-
-    def _effort(self, rays: Rays) -> dict[str, Array]:
-        kernel = make_effort(self._device_scene.spec)
-        types = dict.fromkeys(EFFORT, wp.int32)
-        return self._of_each_ray(kernel, rays, types, lambda fields: [*fields.values()])
-
-    def _of_each_ray(self, kernel: wp.Kernel, rays: Rays, types: dict[str, type], arguments) -> dict[str, Array]:
+    def _of_each_ray(
+        self, scene: SceneState, kernel: wp.Kernel, rays: Rays, types: dict[str, type], arguments: Callable
+    ) -> dict[str, Array]:
         """What a kernel stores for each ray, given the scene, the rays and arguments(fields)."""
 
         def run(part: RayPart, fields: dict[str, wp.array]) -> None:
             launch(kernel, part.count, [scene.struct, part.struct, *arguments(fields)], self.device, self.threads)
 
-        with self._device_scene.in_use() as scene:
-            return by_parts(rays, types, run)
+        return by_parts(rays, types, run)
 
     @staticmethod
     def _checked_size(size) -> tuple[int, int]:
@@ -482,7 +502,16 @@ class Tracer:
     def _rays(self, origins, directions, t_min, t_max) -> Rays:
         """The rays as they are given, for the scene as it now is."""
         require_usable(self.device)
-        self._device_scene.refresh()
+        self._refresh()
+        return self._as_rays(origins, directions, t_min, t_max)
+
+    def _refresh(self) -> None:
+        """Brings over the meshes that have been updated."""
+        rows = self._device_scene.refresh()
+        if rows is not None:
+            self.spacing.reshaped(rows)
+
+    def _as_rays(self, origins, directions, t_min, t_max) -> Rays:
         return as_rays(origins, directions, t_min, t_max, self.device, max(1, self.budget // BYTES))
 
     def _warn_of_positions(self, fields: dict) -> None:
@@ -512,10 +541,14 @@ class Tracer:
         return found["origin"], found["direction"]
 
 
-def remade_tracer(scene: Scene, settings: dict, moved: tuple, tile_rays: int | None = None) -> Tracer:
+_MADE_ANEW = ("scene", "device", "spacing", "_real", "_device_scene", "_is_moved", "_look")
+"""Of a tracer in a copy or a pickle."""
+
+
+def remade_tracer(scene: Scene, settings: dict, moved: tuple, kind: type = Tracer) -> Tracer:
     """The tracer of a copy, a pickle or a recipe: Tracer(scene, **settings) after its moves."""
-    tracer = Tracer(scene, **settings)
-    for first, matrices in moved:
-        tracer.set_transforms(first, matrices)
-    tracer.tile_rays = tile_rays
+    tracer = kind.__new__(kind)
+    Tracer.__init__(tracer, scene, **settings)
+    if moved:
+        tracer._move(moved)
     return tracer

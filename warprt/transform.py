@@ -6,6 +6,7 @@ import numpy as np
 
 from . import checks
 from .double_double import inverses
+from .read_only import ReadOnly
 from .typing import ArrayLike, Placement
 
 MOST_CONDITION = 2.0**50
@@ -55,7 +56,7 @@ def _inverted(linear: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         return inverse, ~(condition < MOST_CONDITION) | ~np.isfinite(inverse).all(axis=(1, 2))
 
 
-class Transform:
+class Transform(ReadOnly):
     """An affine placement v' = M v, immutable; each step acts after the ones before it, as in v' = T R S v.
 
     The inverse is composed from the inverses of the steps, on the right: M^-1 = S^-1 R^-1 T^-1 (geometry
@@ -90,9 +91,6 @@ class Transform:
         inverse.setflags(write=False)
         object.__setattr__(self, "world_from_local", matrix)
         object.__setattr__(self, "local_from_world", inverse)
-
-    def __setstate__(self, state):
-        self.__dict__.update(checks.read_only(state))
 
     def __setattr__(self, name, value):
         raise AttributeError("a Transform does not change; its methods return a new one")

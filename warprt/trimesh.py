@@ -75,10 +75,15 @@ class RayMeshIntersector:
         self.__dict__.update(kept, _made=None)
 
     def __copy__(self):
-        return RayMeshIntersector(self.mesh, **self._options)
+        other = object.__new__(type(self))
+        other.__dict__.update(self.__dict__, _made=None)
+        return other
 
     def __deepcopy__(self, memo):
-        return RayMeshIntersector(copy.deepcopy(self.mesh, memo), **self._options)
+        other = object.__new__(type(self))
+        memo[id(self)] = other
+        other.__dict__.update(copy.deepcopy(self.__getstate__(), memo))
+        return other
 
     @property
     def _tracer(self) -> Tracer | None:
@@ -144,6 +149,8 @@ class RayMeshIntersector:
     def contains_points(self, points: ArrayLike) -> np.ndarray:
         """(n,) bool: whether points (n, 3) lie within the mesh, by the parity of all hits; undefined on the surface."""
         points = checks.wide(checks.real_numbers(points, "points"))
+        if points.ndim != 2 or points.shape[1] != 3:
+            raise ValueError(f"points must have shape (n, 3); got {points.shape}")
         if self._tracer is None:
             return np.zeros(len(points), dtype=bool)
         return contains_points(_Crossings(self.mesh, self._tracer), points)
@@ -220,10 +227,14 @@ def _most_hits(multiple_hits: bool, max_hits: int) -> int:
     """
     if not multiple_hits:
         return 1
-    caller = sys._getframe(1).f_back
+    asked = sys._getframe(1)
+    caller, asked_of = asked.f_back, asked.f_locals.get("self")
+    while caller is not None and caller.f_locals.get("self") is asked_of:  # methods of a subclass
+        caller = caller.f_back
     if caller is not None and caller.f_globals.get("__name__", "").partition(".")[0] == "trimesh":
         return MOST_HITS
-    return checks.integer(min(max_hits, MOST_HITS), "max_hits")
+    is_large = isinstance(max_hits, (int, np.integer)) and max_hits > MOST_HITS
+    return MOST_HITS if is_large else checks.integer(max_hits, "max_hits")
 
 
 def _hit_by_hit(offsets: np.ndarray) -> tuple[Ids, np.ndarray]:

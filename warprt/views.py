@@ -12,6 +12,7 @@ from warprt.kernels.spec import Projection
 from warprt.kernels.structs import camera_struct
 
 from . import checks
+from .read_only import ReadOnly
 from .typing import ArrayLike
 
 FRAMING_VIEW = (-0.5, -0.35, -1.0)
@@ -19,7 +20,7 @@ FRAMING_VIEW = (-0.5, -0.35, -1.0)
 
 
 @dataclass(frozen=True, eq=False)
-class View:
+class View(ReadOnly):
     """A place, what it looks at, and which way is up. Right-handed, looking along -z of its own frame."""
 
     position: ArrayLike
