@@ -101,6 +101,8 @@ def test_texture_coordinates_of_corners_of_a_ply(tmp_path, style):
         pytest.param((V + "f 1 2 3 # one\nf 1 3 4# two\n# f 1 1 1\n").replace("v 1 1 0", "v 1 1 0 # 9"), id="comments"),
         pytest.param(V + "f 1 \\\n 2 3\nf 1 3\\\n 4\n", id="lines that go on"),
         pytest.param("# made in C:\\models\\\n" + V + "f 1 2 \\\n3\nf 1 3 4\n", id="comment with a folder"),
+        pytest.param(V + "f 1 2 3 # c:\\tmp\\\nf 1 3 4\n", id="folder behind a face"),
+        pytest.param("o c:\\tmp\\\n" + V + "usemtl c:\\tmp\\\nf 1 \\\n2 \\\n3\nf 1 3 4\n", id="name of a folder"),
         pytest.param(V.replace("\n", "\r\n") + "f 1 \\\r\n2 3\r\nf 1 3 4", id="CR LF"),
         pytest.param((V + "f 1 2 3\nf 1 3 4\n").replace("\n", "\r"), id="CR"),
         pytest.param("\ufeff" + V + "f 1 2 3\nf 1 3 4\n", id="byte order mark"),
@@ -124,6 +126,24 @@ def test_stl_texts(tmp_path, end, change):
     mesh = read(tmp_path, "a.stl", text)
     np.testing.assert_array_equal(triangles(mesh), np.repeat(BOTH[:1], text.lower().count("facet normal"), axis=0))
     assert len(rt.load_scene(tmp_path / "a.stl").objects) == text.lower().count("facet normal")
+
+
+@pytest.mark.parametrize("begin, end", [("\ufeff", ""), ("", "\0\0"), (" " * 90, ""), ("\ufeff" + "\n" * 90, "\n\0")])
+def test_stl_texts_with_something_around(tmp_path, begin, end):
+    np.testing.assert_array_equal(triangles(read(tmp_path, "a.stl", begin + SOLID + end)), BOTH[:1])
+
+
+@pytest.mark.parametrize("begin", ["\ufeffply", "PLY", "\ufeffPly"])
+def test_ply_begins_in_many_ways(tmp_path, begin):
+    mesh = read(tmp_path, "a.ply", ply_of().replace("ply", begin, 1))
+    np.testing.assert_array_equal(triangles(mesh), BOTH[:1])
+
+
+@pytest.mark.parametrize("name, text", [("a.obj", V + "f 1 2 3\n"), ("a.stl", SOLID), ("a.off", "OFF\n3 1 0\n")])
+@pytest.mark.parametrize("code", ["utf-16", "utf-16-le", "utf-16-be"])
+def test_utf16_is_named(tmp_path, name, text, code):
+    with pytest.raises(ValueError, match="it is a text in UTF-16; save it as UTF-8"):
+        read(tmp_path, name, text.encode(code))
 
 
 @pytest.mark.parametrize("begin", [b"\0", b"solid"])
@@ -252,6 +272,16 @@ def test_faces_of_fewer_than_three_corners_are_left_out(tmp_path, name):
     with pytest.warns(UserWarning, match=rf"a\.{name[2:]}: faces of fewer than 3 corners are left out: 2"):
         mesh = read(tmp_path, name, text)
     np.testing.assert_array_equal(triangles(mesh), BOTH)
+
+
+def test_texture_coordinates_that_are_not_finite_are_left_out_where_used(tmp_path):
+    text = V + "vt 0 0\nvt 1 0\nvt nan inf\nusemtl a\nf 1/1 2/2 3/{}\nusemtl b\nf 1/1 3/1 4/2\n"
+    with pytest.warns(UserWarning, match=r"a\.obj: texture coordinates that are not finite are left out"):
+        read(tmp_path, "a.obj", text.format(3))
+    with pytest.warns(UserWarning, match="not finite"):
+        first, second = rt.load_scene(tmp_path / "a.obj").objects
+    assert first.shape.uvs is None and second.shape.uvs is not None
+    assert read(tmp_path, "a.obj", text.format(2)).uvs is not None
 
 
 def test_texture_coordinates_that_there_are_not_are_left_out(tmp_path):

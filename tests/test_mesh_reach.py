@@ -1,6 +1,9 @@
 """What mesh files may reach and take: material files, pictures, other kinds, parts."""
 
 import os
+import subprocess
+import sys
+import tracemalloc
 import warnings
 
 import numpy as np
@@ -10,6 +13,8 @@ import trimesh
 from mesh_texts import SOLID, V, read, textured_ply, triangles
 
 import warprt as rt
+from warprt.ply_header import Element, Property
+from warprt.ply_table import Table, text_body
 
 TEXTURED = V + "vt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nusemtl a\nf 1/1 2/2 3/3 4/4\n"
 
@@ -190,3 +195,84 @@ def test_too_many_parts_need_trust(tmp_path, name, text):
     with pytest.raises(ValueError, match=r"objects in all, .*trust=True"):
         read(tmp_path, name, text)
     assert len(read(tmp_path, name, text, trust=True).faces) >= 3000
+
+
+# ------------------------------------------------------------------------------- names of other machines, and memory
+
+
+@pytest.mark.parametrize(
+    "name",
+    ['"m.mtl"', r"C:\\x\\m.mtl", "/home/nobody/m.mtl", "../gone/m.mtl", r'"below\m.mtl"', '"m.mtl" "n.mtl"'],
+)
+def test_material_files_of_another_machine_are_found_beside_the_file(folder, name):
+    (folder / "a.obj").write_text(f"mtllib {name}\n" + TEXTURED)
+    assert rt.load_scene(folder / "a.obj").objects[0].material.diffuse == (0.5, 1, 1)
+
+
+@pytest.mark.parametrize(
+    "name",
+    [r"C:\Users\bob\red.png", r"C:\\Users\\red.png", '"red.png"', "/gone/red.png", "red.png # red", ".\\red.png"],
+)
+@pytest.mark.parametrize("trust", [False, True])
+def test_pictures_of_another_machine_are_found_beside_the_file(folder, name, trust):
+    (folder / "m.mtl").write_text(f"newmtl a\nKd 0 1 0\nmap_Kd {name}\n")
+    (folder / "a.obj").write_text("mtllib m.mtl\n" + TEXTURED)
+    assert rt.load_scene(folder / "a.obj", trust=trust).objects[0].material.texture.size == (2, 3)
+
+
+@pytest.mark.parametrize("name", [r"C:\Users\bob\none.png", "/gone/none.png"])
+def test_missing_pictures_of_another_machine_are_warned_about(folder, name):
+    (folder / "m.mtl").write_text(f"newmtl a\nKd 0 1 0\nmap_Kd {name}\n")
+    (folder / "a.obj").write_text("mtllib m.mtl\n" + TEXTURED)
+    with pytest.warns(UserWarning, match=r"there is no picture '.*none\.png', which m\.mtl asks for"):
+        (item,) = rt.load_scene(folder / "a.obj").objects
+    assert item.material.texture is None and item.material.diffuse == (0, 1, 0)
+
+
+def test_missing_pictures_beside_the_file_are_named(folder):
+    (folder / "m.mtl").write_text("newmtl a\nmap_Kd none.png\n")
+    (folder / "a.obj").write_text("mtllib m.mtl\n" + TEXTURED)
+    with pytest.raises(ValueError, match=r"there is no picture 'none\.png', which m\.mtl asks for"):
+        rt.load_scene(folder / "a.obj")
+
+
+def test_comments_behind_names_of_materials(folder):
+    (folder / "m.mtl").write_text("newmtl a\nKd 0 1 0\nnewmtl a # 2\nKd 0 0 1\n")
+    (folder / "a.obj").write_text("mtllib m.mtl\n" + TEXTURED.replace("usemtl a", "usemtl a # 1"))
+    assert rt.load_scene(folder / "a.obj").objects[0].material.diffuse == (0, 1, 0)
+    (folder / "a.obj").write_text("mtllib m.mtl\n" + TEXTURED.replace("usemtl a", "usemtl a # 2"))
+    assert rt.load_scene(folder / "a.obj").objects[0].material.diffuse == (0, 0, 1)
+
+
+def test_options_of_a_picture_take_time_in_proportion():
+    """In a process of its own: at the worst, time goes with the square."""
+    code = "from warprt.mtl import _without_options as f; print(f('-clamp on ' * 100_000 + 'a b.png')[0])"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
+    assert done.stdout == "a b.png\n"
+
+
+def peak_of(call) -> int:
+    tracemalloc.start()
+    try:
+        call()
+        return tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+
+
+def test_rows_of_a_ply_take_memory_in_proportion():
+    """Lists of 0 and 1 items, which take a byte or two each."""
+    body = b"\0\1\7" * 100_000
+    element = Element("face", 200_000, [Property("vertex_indices", "u1", "u1")])
+    tables = []
+    assert peak_of(lambda: tables.append(Table(element, memoryview(body), 0, "<"))) < 40 * len(body)
+    values, lengths = tables[0].lists("vertex_indices")
+    assert (len(values), set(values.tolist()), lengths[:4].tolist()) == (100_000, {7}, [0, 1, 0, 1])
+    assert peak_of(lambda: tables[0].lists("vertex_indices")) < 40 * len(body)
+
+
+@pytest.mark.parametrize("blank", [b" ", b"\n"])
+def test_text_of_a_ply_takes_memory_in_proportion(blank):
+    text = (b"1" + blank) * 2**21
+    assert peak_of(lambda: text_body(text)) < 24 * len(text)
+    assert len(text_body(text)) == 8 * 2**21

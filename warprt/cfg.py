@@ -38,7 +38,7 @@ def read_cfg(rules: FileRules) -> Scene:
     Raises ValueError, or FileNotFoundError for a mesh file, that begins with FILE:LINE:COLUMN.
     """
     try:
-        text = rules.path.read_text(encoding="utf-8")
+        text = rules.path.read_text(encoding="utf-8-sig")
     except UnicodeDecodeError:
         raise ValueError(f"{rules.path} is not a text file in UTF-8") from None
     return _Reader(rules, parse(text, rules.path)).scene()

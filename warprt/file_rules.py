@@ -46,15 +46,17 @@ class FileRules:
     def file(self, name: str, suffixes: tuple[str, ...], what: str, base: Path | None = None) -> Path:
         """The file that `what` names, relative to `base`, which is the folder of the scene unless given.
 
-        suffixes: lower case, such as (".png", ".jpg"); none means any. The size of the file is added to the bytes read,
-        once.
+        suffixes: lower case, such as (".png", ".jpg"); none means any. A backslash parts folders, unless there is a
+        file with one in its name. The size of the file is added to the bytes read, once.
 
         Raises ValueError for a URL, for what is not a regular file, and, unless the scene is trusted, for a file
         outside its folder, links followed, or of another suffix; FileNotFoundError if there is none.
         """
         if not name or "\0" in name or (self.is_trusted and "://" in name):
             raise ValueError(f"{what}: {brief(name)} is not the name of a file")
-        path = (self.path.parent if base is None else Path(base)) / name
+        folder = self.path.parent if base is None else Path(base)
+        name = _on_this_machine(name, folder)
+        path = folder / name
         try:
             target = path.resolve()
         except (OSError, RuntimeError, ValueError):  # links that lead to themselves, what is no text
@@ -71,6 +73,15 @@ class FileRules:
             self.bytes_read += size
             self.charge(size, what)
         return path
+
+    def near(self, name: str, base: Path | None = None) -> str | None:
+        """The name, for `file`, of what another machine wrote: itself, or else its last part; None if neither is there.
+
+        Quotes around it are left out.
+        """
+        folder, name = self.path.parent if base is None else Path(base), name.strip('"')
+        names = (name, re.split(r"[\\/]", name)[-1])
+        return next((given for given in names if given and _exists(folder / _on_this_machine(given, folder))), None)
 
     def charge(self, size: int, what: str) -> None:
         """Adds bytes of memory that `what` is about to take. Raises ValueError if that is too much in all."""
@@ -95,6 +106,19 @@ class FileRules:
                 f"{what} makes {self._objects} objects in all, and files of {self.bytes_read} bytes may make {most}; "
                 f"{ADVICE}"
             )
+
+
+def _on_this_machine(name: str, folder: Path) -> str:
+    """A name as it is, if there is such a file, or else with slashes for the backslashes of Windows."""
+    return name if "\\" not in name or _exists(folder / name) else name.replace("\\", "/")
+
+
+def _exists(path: Path) -> bool:
+    """Also for what is no name of a file."""
+    try:
+        return os.path.exists(path)
+    except ValueError:
+        return False
 
 
 def _regular_size(path: Path, shown: str, what: str | None = None) -> int:

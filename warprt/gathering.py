@@ -4,6 +4,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from .brief import brief
 from .materials import Material
 from .notes import Notes
 from .scene import Instance, Instances, Shape
@@ -75,7 +76,7 @@ class Gathering:
             is_lost = singular(matrices[:, :3, :3])
             if not is_lost.any():
                 raise error
-        self._notes.add(SINGULAR, repr(copies.names[int(np.argmax(is_lost))]), int(is_lost.sum()))
+        self._notes.add(SINGULAR, brief(copies.names[int(np.argmax(is_lost))]), int(is_lost.sum()))
         copies.names = [name for name, lost in zip(copies.names, is_lost, strict=True) if not lost]
         return _made(copies, matrices[~is_lost], numbers[~is_lost])
 
@@ -99,4 +100,4 @@ def _require_affine(names: list[str], matrices: np.ndarray) -> None:
             try:
                 affine(matrix, "transform")
             except ValueError as error:
-                raise ValueError(f"node {name!r}: {error}") from None
+                raise ValueError(f"node {brief(name)}: {error}") from None

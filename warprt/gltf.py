@@ -106,8 +106,10 @@ class Document:
                 raise ValueError(f"{user}: the data URI has no data")
             if not head.endswith(";base64"):
                 return unquote_to_bytes(body)
+            # Line breaks, and no padding, are against the standard and common.
+            text = "".join(unquote(body).split()).rstrip("=")
             try:
-                return base64.b64decode(unquote(body), validate=True)
+                return base64.b64decode(text + "=" * (-len(text) % 4), validate=True)
             except (binascii.Error, ValueError):
                 raise ValueError(f"{user}: the data URI is not base64") from None
         try:

@@ -96,7 +96,8 @@ def list_pairs(grid, count: tuple[int, int, int], kernel: wp.Kernel, items: int,
     require(8 * cells, name, device)
     if device.is_cpu and cells > MOST_QUICK:
         minutes = cells / CELLS_PER_SECOND / 60
-        warnings.warn(f"{name} takes about {minutes:.1g} minutes to make; choose fewer, or 'auto'", stacklevel=2)
+        about = f"{minutes:.0f}" if minutes >= 1 else f"{minutes:.1g}"
+        warnings.warn(f"{name} takes about {about} minutes to make; choose fewer, or 'auto'", stacklevel=2)
     wide, threads = widened(grid), default_threads()
     end = empty(items, wp.int64, device)
     nothing = [None] * (2 + len(outputs(0)))

@@ -26,6 +26,7 @@ _READERS: dict[str, Callable[[bytes, FileRules], list[Part]]] = {
     ".off": read_off,
 }
 SUFFIXES = tuple(_READERS)
+_UTF16 = "it is a text in UTF-16; save it as UTF-8"
 
 
 def read_mesh(path: Path, rules: FileRules, grid: str | tuple[int, int, int] | None = "auto") -> Mesh:
@@ -65,15 +66,25 @@ def _parts(path: Path, rules: FileRules) -> list[Part]:
         raise ValueError(
             f"cannot read {path}: meshes are {' '.join(SUFFIXES)}; trust=True takes all that trimesh reads"
         )
+    data = b"" if read is None else path.read_bytes()
     try:
         # NaNs that signal may be in binary files, where no face need use them.
         with np.errstate(invalid="ignore"):
-            parts = _read_other(path) if read is None else read(path.read_bytes(), rules)
+            parts = _read_other(path) if read is None else read(data, rules)
     except ValueError as error:
-        raise ValueError(f"cannot read {path} as a mesh: {error}") from None
+        wrong = _UTF16 if _is_utf16(data) else error
+        raise ValueError(f"cannot read {path} as a mesh: {wrong}") from None
+    if not parts and _is_utf16(data):
+        raise ValueError(f"cannot read {path} as a mesh: {_UTF16}")
     if not parts:
         raise ValueError(f"{path} has no triangles")
     return parts
+
+
+def _is_utf16(data: bytes) -> bool:
+    """Whether bytes begin with its mark, or with letters of two bytes."""
+    halves = data[:8:2], data[1:8:2]
+    return data[:2] in (b"\xff\xfe", b"\xfe\xff") or sorted(not any(half) for half in halves) == [False, True]
 
 
 def _named(path: Path, make: Callable):

@@ -1,7 +1,6 @@
 """Material files of OBJ files: the diffuse colour and its picture."""
 
 import io
-import os
 import re
 from collections.abc import Iterator
 from pathlib import Path
@@ -19,7 +18,8 @@ from .texture import Texture
 SUFFIXES = (".mtl",)
 MOST_NAMES = 1000
 """Material files that a file may name without trust: each is looked for."""
-_ENDS = re.compile(r"(?<=\.mtl) +", re.IGNORECASE)
+_ENDS = re.compile(r'(?:(?<=\.mtl)|(?<=\.mtl")) +', re.IGNORECASE)
+_ABSOLUTE = re.compile(r'"?(?:[A-Za-z]:)?[\\/]')
 _NUMBERS = {"-o": 3, "-s": 3, "-t": 3}
 """Options of map_Kd with up to so many numbers behind them; those named below have as many words."""
 _WORDS = {"-blendu": 1, "-blendv": 1, "-bm": 1, "-boost": 1, "-cc": 1, "-clamp": 1, "-imfchan": 1, "-mm": 2}
@@ -51,7 +51,7 @@ class MaterialLibrary:
             self._looks = {}
             for path in self._paths():
                 self._looks |= _read(path)
-        look = self._looks.get(material)
+        look = self._looks.get(material) or self._looks.get(_without_comment(material))
         if look is None or (look.color is None and look.picture is None):
             return None
         texture = self._texture(look) if look.picture is not None and has_uvs else None
@@ -66,8 +66,8 @@ class MaterialLibrary:
         for number, given in enumerate(self._given()):
             if number == MOST_NAMES and not self._rules.is_trusted:
                 raise ValueError(f"mtllib names more than {MOST_NAMES} files; {ADVICE}")
-            file = given.replace("\\", "/")
-            if os.path.exists(self._rules.path.parent / file):
+            file = self._rules.near(given)
+            if file is not None:
                 path = self._rules.file(file, SUFFIXES, "mtllib")
                 found.setdefault(path.resolve(), path)
         return list(found.values())
@@ -89,15 +89,21 @@ class MaterialLibrary:
             return 1.0
         return numbers[0] if len(numbers) == 1 else numbers
 
-    def _texture(self, look: _Look) -> Texture:
+    def _texture(self, look: _Look) -> Texture | None:
+        """None for a missing picture whose name is one of another machine."""
         picture, options = _without_options(look.picture)
         if options:
             warn(self._rules, f"options of map_Kd in {look.library.name} are left out: {brief(options)}")
         what = f"map_Kd in {look.library.name}"
-        try:
-            path = self._rules.file(picture.replace("\\", "/"), PICTURE_SUFFIXES, what, look.library.parent)
-        except FileNotFoundError:
-            raise ValueError(f"there is no picture {brief(picture)}, which {look.library.name} asks for") from None
+        folder = look.library.parent
+        file = self._rules.near(picture, folder) or self._rules.near(_without_comment(picture), folder)
+        if file is None:
+            missing = f"there is no picture {brief(picture)}, which {look.library.name} asks for"
+            if not _ABSOLUTE.match(picture):
+                raise ValueError(missing)
+            warn(self._rules, missing)
+            return None
+        path = self._rules.file(file, PICTURE_SUFFIXES, what, folder)
         key = path.resolve()
         if key not in self._textures:
             self._textures[key] = Texture(read_ruled_picture(path, what, self._rules))
@@ -123,21 +129,21 @@ def _read(path: Path) -> dict[str, _Look]:
     return looks
 
 
+def _without_comment(text: str) -> str:
+    return text.partition(" #")[0].rstrip()
+
+
 def _without_options(text: str) -> tuple[str, str]:
     """(name, options before it) of a picture; names may have spaces."""
-    rest, options = text, []
-    while True:
-        word, _, behind = rest.partition(" ")
-        if not behind or word not in {*_NUMBERS, *_WORDS}:
-            return rest.strip(), " ".join(options)
-        words, rest = [word], behind.strip()
-        for _ in range(_WORDS.get(word) or _NUMBERS[word]):
-            value, _, behind = rest.partition(" ")
-            if not behind or (word in _NUMBERS and not _is_number(value)):
-                break
-            words.append(value)
-            rest = behind.strip()
-        options += words
+    words = [(match.group(), match.start()) for match in re.finditer(r"\S+", text)]
+    k, last = 0, len(words) - 1  # the last word is a name in any case
+    while k < last and words[k][0] in _NUMBERS | _WORDS:
+        option = words[k][0]
+        end = min(k + 1 + (_NUMBERS | _WORDS)[option], last)
+        k += 1
+        while k < end and (option in _WORDS or _is_number(words[k][0])):
+            k += 1
+    return (text[words[k][1] :].strip() if words else ""), " ".join(word for word, _ in words[:k])
 
 
 def _is_number(word: str) -> bool:

@@ -12,7 +12,7 @@ from .mtl import MaterialLibrary
 from .text_lines import MINUS, Lines, Words, integers, name, number_rows, plain, word_blocks
 from .visuals import Coated, level_light
 
-_COMMENT = re.compile(rb"^ *#[^\n]*", re.MULTILINE)
+_CONTINUED = re.compile(rb"^ *(?:vt?|f)(?=[ \\])(?:[^\n#]*\\\n)+", re.MULTILINE)
 
 
 class _Statements:
@@ -38,9 +38,9 @@ class _Statements:
 
 
 def _joined(text: bytes) -> bytes:
-    """Lines that end with a backslash go on; but for comments, which often end with a folder."""
+    """Lines of numbers that end with a backslash go on. Comments and names do not, which often end with a folder."""
     if b"\\\n" in text:
-        text = _COMMENT.sub(b"", text).replace(b"\\\n", b" ") + b"\n"
+        text = _CONTINUED.sub(lambda found: found[0].replace(b"\\\n", b" "), text) + b"\n"
     return text
 
 
@@ -56,6 +56,11 @@ def read_obj(data: bytes, rules: FileRules) -> list[Part]:
     if (uv_corners >= len(uvs)).any() or (uv_corners < -1).any():
         warn(rules, "texture coordinates that there are not are left out, with those of faces of the same material")
         uv_corners = np.where(uv_corners < len(uvs), uv_corners, -1)
+    is_bad = uv_corners >= 0
+    is_bad[is_bad] = ~np.isfinite(uvs).all(axis=1)[uv_corners[is_bad]]
+    if is_bad.any():
+        warn(rules, "texture coordinates that are not finite are left out, with those of faces of the same material")
+        uv_corners = np.where(is_bad, -1, uv_corners)
     triangles = polygons.triangles(rules)
     names, material = _materials(statements.materials, sizes)
     material = np.repeat(material[sizes >= 3], polygons.sizes - 2)

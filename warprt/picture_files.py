@@ -91,7 +91,8 @@ def _opened(file: BinaryIO, is_trusted: bool) -> PIL.Image.Image:
             return factory(file, "")
         except (SyntaxError, IndexError, TypeError, KeyError, EOFError, struct.error):
             continue  # of another kind after all
-    raise ValueError(f"it is broken, or none of {', '.join(kinds)}")
+    advice = "" if is_trusted else f"; {ADVICE}"
+    raise ValueError(f"it is broken, or none of {', '.join(kinds)}{advice}")
 
 
 def picture_of(image: PIL.Image.Image, name) -> Picture:

@@ -12,6 +12,7 @@ from .mesh_part import Part, Polygons, levels, warn
 from .picture_files import SUFFIXES, read_ruled_picture
 from .ply_header import read_header
 from .ply_table import Table, text_body
+from .text_lines import BOM
 from .texture import Texture
 from .visuals import Coated, level_light, split_by_color
 
@@ -22,6 +23,7 @@ _CHANNELS = ("red", "green", "blue")
 
 def read_ply(data: bytes, rules: FileRules) -> list[Part]:
     """One mesh. Raises ValueError for less data than the header announces; more is left out."""
+    data = data.removeprefix(BOM)
     header = read_header(data)
     body = memoryview(data)[header.size :] if header.order else text_body(data[header.size :])
     tables, place = {}, 0
@@ -131,7 +133,7 @@ def _colors(table: Table) -> np.ndarray:
 def _look(picture: str, rules: FileRules) -> Material | None:
     """The picture that a comment names. Many such files go without it."""
     try:
-        path = rules.file(picture.replace("\\", "/"), SUFFIXES, "TextureFile")
+        path = rules.file(rules.near(picture) or picture, SUFFIXES, "TextureFile")
     except FileNotFoundError:
         warn(rules, f"there is no picture {brief(picture)}, which TextureFile asks for")
         return None

@@ -53,7 +53,7 @@ class Header:
 def read_header(data: bytes) -> Header:
     """Raises ValueError for what is no header of a PLY file."""
     lines = _Lines(data)
-    if lines.next().strip() != b"ply":
+    if lines.next().strip().lower() != b"ply":
         raise ValueError("it does not begin with ply")
     order, elements, picture, property_count = "", [], None, 0
     while True:

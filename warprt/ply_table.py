@@ -1,6 +1,8 @@
 """The rows of an element of a PLY file, in bytes: numbers, and lists whose lengths may differ."""
 
+import re
 import struct
+from array import array
 
 import numpy as np
 
@@ -21,8 +23,8 @@ def text_body(data: bytes) -> memoryview:
     while place < len(data):
         end = place + BLOCK_BYTES
         # Words are not cut in two.
-        space = data.find(b"\n", end)
-        end = len(data) if space < 0 else space
+        space = _BLANK.search(data, end)
+        end = len(data) if space is None else space.start()
         words = data[place:end].decode("latin-1").split()
         place = end
         try:
@@ -42,6 +44,9 @@ def _leading_numbers(words: list[str]) -> np.ndarray:
     except ValueError:
         pass
     return np.array(numbers, dtype=np.float64)
+
+
+_BLANK = re.compile(rb"\s")
 
 
 class Table:
@@ -137,8 +142,8 @@ class Table:
         if self._element.count > end - place:
             raise ValueError(self._too_short())
         steps, tail = self._steps()
-        begins: list[list[int]] = [[] for _ in range(len(steps) + 1)]
-        lengths: list[list[int]] = [[] for _ in steps]
+        begins = [array("q") for _ in range(len(steps) + 1)]
+        lengths = [array("q") for _ in steps]
         columns = [(*step, begins[k + 1], lengths[k]) for k, step in enumerate(steps)]
         try:
             for _ in range(self._element.count):
@@ -155,8 +160,8 @@ class Table:
             place = end + 1
         if place > end:
             raise ValueError(self._too_short())
-        self._begins = [np.array(column, dtype=np.int64) for column in begins]
-        self._lengths = [np.array(column, dtype=np.int64) for column in lengths]
+        self._begins = [np.frombuffer(column, np.int64) for column in begins]
+        self._lengths = [np.frombuffer(column, np.int64) for column in lengths]
         return place
 
     def _steps(self) -> tuple[list[tuple], int]:
@@ -173,9 +178,13 @@ class Table:
         return steps, fixed
 
     def _gathered(self, begins: np.ndarray, lengths: np.ndarray, kind: np.dtype) -> np.ndarray:
-        ends = begins + lengths * kind.itemsize
-        pieces = (self._body[b:e] for b, e in zip(begins.tolist(), ends.tolist(), strict=True))
-        return np.frombuffer(b"".join(pieces), kind)
+        before = np.cumsum(lengths) - lengths
+        place = np.repeat(begins - before * kind.itemsize, lengths) + np.arange(lengths.sum()) * kind.itemsize
+        data, values = np.frombuffer(self._body, np.uint8), np.empty(len(place), kind)
+        columns = values.view(np.uint8).reshape(-1, kind.itemsize)
+        for k in range(kind.itemsize):
+            columns[:, k] = data[place + k]
+        return values
 
     def _too_short(self) -> str:
         return f"it announces {self._element.count} rows of {brief(self._element.name)}, and ends before"

@@ -28,10 +28,13 @@ def find_scene(name: str | Path) -> Path:
     """The file that a path or the name of a ready scene means. Raises FileNotFoundError when there is none."""
     if not isinstance(name, (str, Path)):
         raise ValueError(f"a scene is a path or a name; got {name!r}")
-    path, ready = Path(name), ready_scenes()
-    if str(name) in ready and not path.is_file():
+    path, is_path = Path(name), "\0" not in str(name)
+    if is_path and path.is_file():
+        return path
+    ready = ready_scenes()
+    if str(name) in ready:
         return ready[str(name)]
-    if "\0" not in str(name) and path.exists():
+    if is_path and path.exists():
         return path
     raise FileNotFoundError(f"there is no scene {str(name)!r}: no such file, and the ready ones are {', '.join(ready)}")
 

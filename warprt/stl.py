@@ -1,5 +1,7 @@
 """STL files, binary or text: triangles that share no vertices."""
 
+import re
+
 import numpy as np
 
 from .file_rules import FileRules
@@ -8,6 +10,7 @@ from .text_lines import Lines, number_rows, plain
 from .visuals import Coated
 
 HEADER_BYTES = 84
+_SOLID = re.compile(rb"(?:\xef\xbb\xbf)?\s*solid", re.IGNORECASE)
 RECORD = np.dtype([("normal", "<f4", 3), ("vertices", "<f4", (3, 3)), ("attribute", "<u2")])
 
 
@@ -17,8 +20,9 @@ def read_stl(data: bytes, rules: FileRules) -> list[Part]:
     # Letters at the place of the count would mean at least 500 million triangles, so a text is never taken for one.
     if len(data) >= HEADER_BYTES and HEADER_BYTES + count * RECORD.itemsize <= len(data):
         return _binary(data, count, rules)
-    if data[:HEADER_BYTES].lstrip()[:5].lower() == b"solid" and b"\0" not in data:
-        return _text(data, rules)
+    text = data.rstrip(b"\0 \r\n")
+    if _SOLID.match(text) and b"\0" not in text:
+        return _text(text, rules)
     if len(data) < HEADER_BYTES:
         raise ValueError("it is neither a text that begins with solid, nor long enough for a binary STL file")
     has = (len(data) - HEADER_BYTES) // RECORD.itemsize

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from .brief import brief
 from .materials import Material
 from .notes import Notes
 from .pbr import material_from_pbr
@@ -36,7 +37,7 @@ def look_of(geometry, name: str, notes: Notes) -> Look:
     if kind in ("vertex", "face"):
         given = np.asarray(visual.vertex_colors if kind == "vertex" else visual.face_colors)
         if (given[:, 3] < 255).any():
-            notes.add("the geometry {} is transparent, which is not understood; it is opaque", repr(name))
+            notes.add("the geometry {} is transparent, which is not understood; it is opaque", brief(name))
         given = given[:, :3]
         if len(given) and (given == given[0]).all():
             return Look(Material(linear(given[0] / 255)), is_uniform=True)
@@ -48,13 +49,13 @@ def _textured(geometry, name: str, notes: Notes) -> Look:
     visual = geometry.visual
     material = visual.material
     if type(material).__name__ == "MultiMaterial":
-        notes.add("the geometry {} has several materials; it gets the first", repr(name))
+        notes.add("the geometry {} has several materials; it gets the first", brief(name))
         material = next(iter(material.materials), None)
     base, metallic, roughness, image = _surface(material, name, notes)
     texture, uvs = None, coated(geometry).uvs
     if image is not None:
         if uvs is None:
-            notes.add("the geometry {} has no texture coordinates, so its texture is left out", repr(name))
+            notes.add("the geometry {} has no texture coordinates, so its texture is left out", brief(name))
         else:
             texture = Texture(picture_of(image, "its texture"), is_srgb=True)
     colors = visual.vertex_attributes.get("color")
@@ -95,12 +96,12 @@ def _note_pbr(material, name: str, notes: Notes) -> None:
     """Notes what our materials have no word for."""
     for key in ("metallicRoughnessTexture", "normalTexture", "occlusionTexture", "emissiveTexture"):
         if getattr(material, key) is not None:
-            notes.add(f"the {key} of the geometry {{}} is not understood and left out", repr(name))
+            notes.add(f"the {key} of the geometry {{}} is not understood and left out", brief(name))
     if material.emissiveFactor is not None and np.any(material.emissiveFactor):
-        notes.add("the emissiveFactor of the geometry {} is not understood; the surface gives no light", repr(name))
+        notes.add("the emissiveFactor of the geometry {} is not understood; the surface gives no light", brief(name))
     if material.alphaMode not in (None, "OPAQUE"):
         notes.add(
-            f"the alphaMode {material.alphaMode} of the geometry {{}} is not understood; it is opaque", repr(name)
+            f"the alphaMode {material.alphaMode} of the geometry {{}} is not understood; it is opaque", brief(name)
         )
 
 

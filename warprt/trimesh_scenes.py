@@ -10,6 +10,7 @@ from functools import partial
 
 import numpy as np
 
+from .brief import brief
 from .camera import Camera
 from .gathering import Gathering
 from .lights import DirectionalLight, PointLight, SpotLight, daylight
@@ -55,7 +56,7 @@ class _Reader:
                 continue
             name = data["geometry"]
             if name not in self._scene.geometry:
-                raise ValueError(f"node {node!r} shows the geometry {name!r}, which the scene does not have")
+                raise ValueError(f"node {brief(node)} shows the geometry {brief(name)}, which the scene does not have")
             part = self._part(name, self._scene.geometry[name])
             if part is not None:
                 shape, look, shape_from_part = part
@@ -75,21 +76,24 @@ class _Reader:
                 try:
                     self._parts[key] = self._made(name, geometry)
                 except ValueError as error:
-                    raise ValueError(f"geometry {name!r}: {error}") from None
+                    raise ValueError(f"geometry {brief(name)}: {error}") from None
             else:
                 kind = type(geometry).__name__
-                self._notes.add(f"the geometry {{}} is a {kind}, not a mesh, and left out", repr(name))
+                self._notes.add(f"the geometry {{}} is a {kind}, not a mesh, and left out", brief(name))
                 self._parts[key] = None
         return self._parts[key]
 
     def _made(self, name: str, geometry) -> tuple[Shape, Look, np.ndarray] | None:
         primitive = exact_shape(geometry)
         if primitive is None and len(geometry.faces) == 0:
-            self._notes.add("the geometry {} has no faces and is left out", repr(name))
+            self._notes.add("the geometry {} has no faces and is left out", brief(name))
             return None
         look = look_of(geometry, name, self._notes)
         if primitive is not None and not look.has_uvs and look.colors is None:
             key, make, node_from_shape = primitive
+            if 0.0 in key[1:] and key[0] != "Box":
+                self._notes.add("the geometry {} has a size of 0 and is left out", brief(name))
+                return None
             if key not in self._shapes:
                 self._shapes[key] = make()
             return self._shapes[key], look, node_from_shape
@@ -109,12 +113,12 @@ class _Reader:
         camera = self._scene.camera
         pose = self._poses.world_from_node(camera.name) if camera.name in self._scene.graph else np.eye(4)
         if np.isfinite(pose).all() and singular(pose[None, :3, :3])[0]:
-            self._notes.add("camera {}: its matrix is singular, so it is left out", repr(camera.name))
+            self._notes.add("camera {}: its matrix is singular, so it is left out", brief(camera.name))
             return None
         try:
             return Camera(*view_of(pose), float(camera.fov[1]))
         except ValueError as error:
-            raise ValueError(f"camera {camera.name!r}: {error}") from None
+            raise ValueError(f"camera {brief(camera.name)}: {error}") from None
 
     def _lights(self) -> list[PointLight | SpotLight | DirectionalLight]:
         # Not `scene.lights`, which adds lights where there are none.
@@ -126,13 +130,13 @@ class _Reader:
     def _light(self, light) -> PointLight | SpotLight | DirectionalLight | None:
         kind = type(light).__name__
         if kind not in ("PointLight", "SpotLight", "DirectionalLight"):
-            raise ValueError(f"light {light.name!r} is a {kind}, which is not understood")
+            raise ValueError(f"light {brief(light.name)} is a {kind}, which is not understood")
         pose = self._poses.world_from_node(light.name) if light.name in self._scene.graph else np.eye(4)
         color = np.asarray(light.color[:3], np.float64) / 255 * light.intensity
         if light.radius is not None:
-            self._notes.add("the radius of the light {} is not understood; it reaches everywhere", repr(light.name))
+            self._notes.add("the radius of the light {} is not understood; it reaches everywhere", brief(light.name))
         if kind != "PointLight" and not pose[:3, 2].any():
-            self._notes.add("light {}: its matrix is singular, so it is left out", repr(light.name))
+            self._notes.add("light {}: its matrix is singular, so it is left out", brief(light.name))
             return None
         try:
             if kind == "DirectionalLight":
@@ -142,7 +146,7 @@ class _Reader:
                 return SpotLight(pose[:3, 3], -pose[:3, 2], color, *cone, falloff=True)
             return PointLight(pose[:3, 3], color, falloff=True)
         except ValueError as error:
-            raise ValueError(f"light {light.name!r}: {error}") from None
+            raise ValueError(f"light {brief(light.name)}: {error}") from None
 
 
 class Poses:
@@ -178,7 +182,7 @@ class Poses:
             path.append(node)
             node = self._forest.parents.get(node)
             if node is None or len(path) > len(self._forest.parents):
-                raise ValueError(f"node {path[0]!r} is not connected to the base frame {self._base!r}")
+                raise ValueError(f"node {brief(path[0])} is not connected to the base frame {brief(self._base)}")
         for below in reversed(path):
             with np.errstate(all="ignore"):  # what overflows is found out by who places something there
                 self._poses[below] = self._poses[node] @ self._matrix(node, below)
@@ -188,7 +192,7 @@ class Poses:
     def _matrix(self, parent, node) -> np.ndarray:
         matrix = np.asarray(self._forest.edge_data[(parent, node)].get("matrix", np.eye(4)), np.float64)
         if matrix.shape != (4, 4):
-            raise ValueError(f"node {node!r}: its matrix must be (4, 4); got {matrix.shape}")
+            raise ValueError(f"node {brief(node)}: its matrix must be (4, 4); got {matrix.shape}")
         return matrix
 
 
