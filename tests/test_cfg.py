@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import warprt as rt
+from warprt.file_rules import FileRules
 
 EXAMPLE = """
 camera { position = (0, 1, 5); target = (0, 0, 0); fov = 45; }        // also # and /* */ comments
@@ -201,3 +202,18 @@ def test_binary_file_is_an_error(folder):
     (folder / "scene.cfg").write_bytes(b"\xff\xfe\x00")
     with pytest.raises(ValueError, match="UTF-8"):
         rt.load_scene(folder / "scene.cfg")
+
+
+def test_byte_order_mark_is_no_text(folder):
+    assert load(folder, "\ufeffsphere { }").instance_count == 1
+
+
+def test_backslashes_part_folders(folder):
+    """As in any other file; one that has a backslash in its name is taken first."""
+    (folder / "below").mkdir()
+    (folder / "below" / "box.off").write_text(MESH)
+    (folder / "scene.cfg").write_text("sphere { }")
+    rules = FileRules(folder / "scene.cfg")
+    assert rules.file("below\\box.off", (".off",), "file") == folder / "below" / "box.off"
+    (folder / "below\\box.off").write_text(MESH)
+    assert rules.file("below\\box.off", (".off",), "file") == folder / "below\\box.off"

@@ -175,7 +175,7 @@ def test_only_known_kinds_of_pictures_are_opened(folder):
     image.save(folder / "red.eps")
     (folder / "eps.png").write_bytes((folder / "red.eps").read_bytes())
     (folder / "sky.cfg").write_text('background { picture = "eps.png"; }')
-    with pytest.raises(ValueError, match=r"picture: cannot read the picture: .*none of PNG, JPEG"):
+    with pytest.raises(ValueError, match=r"picture: cannot read the picture: .*none of PNG, JPEG.*trust=True"):
         rt.load_scene(folder / "sky.cfg")
     for suffix in ("png", "jpg", "webp", "bmp", "gif", "tif", "ppm", "tga"):
         image.save(folder / f"red.{suffix}")

@@ -6,6 +6,7 @@ import signal
 import stat
 import subprocess
 import sys
+import tempfile
 import threading
 from pathlib import Path
 
@@ -189,6 +190,24 @@ def test_nothing_is_kept_where_there_is_no_room_at_all(folder, full, capfd):
     assert run(*RENDER) == 2
     err = capfd.readouterr().err.strip().splitlines()[-1]
     assert err.startswith("warprt: cannot write ball.png: No space left on device; what is done cannot be kept: cannot")
+
+
+@pytest.mark.skipif(not hasattr(os, "geteuid"), reason="files without owners")
+def test_what_others_put_into_the_folder_for_temporary_files_stays(tmp_path, monkeypatch):
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    (tmp_path / "precious").write_bytes(b"precious")
+    work = unfinished.Unfinished(tmp_path / "gone" / "a.npz", {"color": np.zeros((2, 2, 3), np.float32)}, dict)
+    work._aside.symlink_to(tmp_path / "precious")
+    with pytest.raises(OSError, match="it is a link, or the file of another user"):
+        work.save()
+    assert (tmp_path / "precious").read_bytes() == b"precious" and work._aside.is_symlink()
+    # Where the link comes between the look and the write, it is replaced.
+    files.write_whole(work._aside, lambda file: file.write(b"new"), follow=False)
+    assert (tmp_path / "precious").read_bytes() == b"precious" and work._aside.read_bytes() == b"new"
+    monkeypatch.setattr(os, "geteuid", lambda: -1)
+    with pytest.raises(OSError, match="the file of another user"):
+        work.save()
+    assert work._aside.read_bytes() == b"new"
 
 
 @pytest.mark.filterwarnings("default")

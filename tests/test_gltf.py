@@ -321,6 +321,16 @@ def test_gltf_with_its_buffer_beside_it_or_inside(tmp_path):
         np.testing.assert_array_equal(rt.load_scene(tmp_path / "a.gltf").objects[0].shape.vertices, TRIANGLE)
 
 
+@pytest.mark.parametrize(
+    "change", [lambda text: "\n ".join(text[k : k + 7] for k in range(0, len(text), 7)), lambda t: t.rstrip("=")]
+)
+def test_data_uris_with_line_breaks_or_without_padding(load, change):
+    text = base64.b64encode(png(PIXELS) + b"\0" * ((1 - len(png(PIXELS))) % 3)).decode()
+    assert text.endswith("==")
+    (item,) = load(textured_glb({"uri": "data:image/png;base64," + change(text)})).objects
+    assert item.material.texture is not None
+
+
 def camera_glb(camera, **node):
     glb = Glb(cameras=[camera], scenes=[{"nodes": [0]}])
     turned = {"translation": [1, 2, 3], "rotation": [0, np.sin(np.pi / 4), 0, np.cos(np.pi / 4)]}

@@ -68,12 +68,13 @@ def test_grid_too_large_for_memory_raises_before_it_is_allocated():
         rt.Tracer(scene, device="cpu")
 
 
-def test_grid_that_takes_minutes_says_so(monkeypatch):
+@pytest.mark.parametrize("speed, minutes", [(0.5, "4"), (0.1, "20"), (5, "0.4")])
+def test_grid_that_takes_minutes_says_so(monkeypatch, speed, minutes):
     scene = rt.Scene([rt.Mesh(TRIANGLE, [(0, 1, 2)], grid=(4, 5, 6))])
     monkeypatch.setattr("warprt.grid.MOST_QUICK", 119)
-    monkeypatch.setattr("warprt.grid.CELLS_PER_SECOND", 0.5)
+    monkeypatch.setattr("warprt.grid.CELLS_PER_SECOND", speed)
     with pytest.warns(
-        UserWarning, match="a grid of 4 x 5 x 6 cells takes about 4 minutes to make; choose fewer, or 'auto'"
+        UserWarning, match=f"a grid of 4 x 5 x 6 cells takes about {minutes} minutes to make; choose fewer, or 'auto'"
     ):
         rt.Tracer(scene, device="cpu", accelerator="grid")
 

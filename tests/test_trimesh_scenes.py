@@ -425,3 +425,19 @@ def test_looks_that_trimesh_has_no_word_for_are_warned_about():
     said = " ".join(str(note.message) for note in notes)
     for words in ("emission of a Material", "glass of a Material", "specular of a Material", "no background"):
         assert words in said
+
+
+def test_primitives_of_size_0_are_left_out():
+    scene = trimesh.Scene({"a": trimesh.primitives.Sphere(radius=1), "point": trimesh.primitives.Sphere(radius=0)})
+    with pytest.warns(UserWarning, match="the geometry 'point' has a size of 0 and is left out"):
+        assert rt.Scene.from_trimesh(scene).instance_count == 1
+
+
+def test_long_names_are_cut_short():
+    scene = trimesh.Scene(trimesh.creation.box(), base_frame="world")
+    scene.add_geometry(
+        trimesh.creation.box(extents=(1, 2, 3)), "g" * 10**6, "n" * 10**6, transform=np.diag([0, 1, 1, 1])
+    )
+    with pytest.warns(UserWarning, match="its matrix is singular") as caught:
+        assert rt.Scene.from_trimesh(scene).instance_count == 1
+    assert all(len(str(warning.message)) < 500 for warning in caught)

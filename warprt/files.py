@@ -48,17 +48,17 @@ def _is_special(target: Path) -> bool:
     return target.exists() and not target.is_file() and not target.is_dir()
 
 
-def write_whole(path: str | Path, write: Callable[[BinaryIO], None]) -> None:
+def write_whole(path: str | Path, write: Callable[[BinaryIO], None], follow: bool = True) -> None:
     """Calls write(file) on a temporary file beside `path`, then puts it in place; an error leaves no trace.
 
-    The target of a symbolic link is written, and the link stays. A file that is replaced keeps its permissions. What a
-    killed process has left half written goes when the same file is next written. Raises OSError, which names the path,
-    when it cannot be written.
+    The target of a symbolic link is written, and the link stays; without `follow` the file takes its place. A file that
+    is replaced keeps its permissions. What a killed process has left half written goes when the same file is next
+    written. Raises OSError, which names the path, when it cannot be written.
     """
     path = require_writable(path)
-    target = target_of(path)
+    target = target_of(path) if follow else path
     try:
-        (_write_through if _is_special(target) else _write_beside)(target, write)
+        (_write_through if follow and _is_special(target) else _write_beside)(target, write)
     except OSError as error:
         if error.filename is not None or str(path) in str(error):
             raise

@@ -72,7 +72,8 @@ class _Reader:
         """(shape, look, node_from_shape), made once for each geometry; None for what is no mesh, or empty."""
         key = id(geometry)
         if key not in self._parts:
-            if hasattr(geometry, "faces") and hasattr(geometry, "vertices"):
+            # Primitives make their faces only when asked for them, and those of size 0 cannot.
+            if hasattr(geometry, "primitive") or (hasattr(geometry, "faces") and hasattr(geometry, "vertices")):
                 try:
                     self._parts[key] = self._made(name, geometry)
                 except ValueError as error:
@@ -85,15 +86,15 @@ class _Reader:
 
     def _made(self, name: str, geometry) -> tuple[Shape, Look, np.ndarray] | None:
         primitive = exact_shape(geometry)
+        if primitive is not None and primitive[0][0] != "Box" and 0.0 in primitive[0]:
+            self._notes.add("the geometry {} has a size of 0 and is left out", brief(name))
+            return None
         if primitive is None and len(geometry.faces) == 0:
             self._notes.add("the geometry {} has no faces and is left out", brief(name))
             return None
         look = look_of(geometry, name, self._notes)
         if primitive is not None and not look.has_uvs and look.colors is None:
             key, make, node_from_shape = primitive
-            if 0.0 in key[1:] and key[0] != "Box":
-                self._notes.add("the geometry {} has a size of 0 and is left out", brief(name))
-                return None
             if key not in self._shapes:
                 self._shapes[key] = make()
             return self._shapes[key], look, node_from_shape

@@ -101,7 +101,8 @@ class Unfinished:
         try:
             write_whole(self.path, lambda file: np.savez(file, **done))
         except OSError:
-            write_whole(self._aside, lambda file: np.savez(file, **done))
+            _require_own(self._aside)
+            write_whole(self._aside, lambda file: np.savez(file, **done), follow=False)
             return self._aside
         if _is_own(self._aside):
             self._aside.unlink(missing_ok=True)
@@ -121,5 +122,11 @@ def _aside(path: Path) -> Path:
 
 
 def _is_own(path: Path) -> bool:
-    """Whether a file, if it is there, is this user's: others may write to the folder for temporary files."""
-    return not path.exists() or not hasattr(os, "geteuid") or path.stat().st_uid == os.geteuid()
+    """Whether a file, or a link, if it is there, is this user's: others may write to the folder for temporary files."""
+    return not os.path.lexists(path) or not hasattr(os, "geteuid") or path.lstat().st_uid == os.geteuid()
+
+
+def _require_own(path: Path) -> None:
+    """Raises OSError for a link, and for the file of another user."""
+    if path.is_symlink() or not _is_own(path):
+        raise PermissionError(f"cannot write {path}: it is a link, or the file of another user")
