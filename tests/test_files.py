@@ -236,3 +236,30 @@ def test_folders_of_killed_processes_are_removed(folder):
             assert second != own
     live.release()
     assert names(place) == ["warprt-link", "warprt-live", "warprt-other"]
+
+
+@pytest.mark.parametrize("kind", ["pipe", "link", "folder"])
+def test_what_stands_in_place_of_the_temporary_file_is_left_alone(tmp_path, kind):
+    place = tmp_path / ".x.part"
+    {"pipe": os.mkfifo, "link": lambda path: path.symlink_to("victim"), "folder": Path.mkdir}[kind](place)
+    put(tmp_path / "x")
+    assert (tmp_path / "x").read_text() == "new"
+    assert names(tmp_path) == [".x.part", "x"]
+
+
+@pytest.mark.parametrize("length", [235, 236, 250, 255])
+def test_names_may_be_as_long_as_the_system_takes(tmp_path, length):
+    put(tmp_path / ("a" * length))
+    assert names(tmp_path) == ["a" * length]
+
+
+def test_work_kept_aside_follows_no_link(folder):
+    """Anybody can make one in the folder for temporary files."""
+    (folder / "precious").write_text("precious")
+    kept = unfinished.Unfinished(folder / "none" / "x.npz", {"color": np.zeros((2, 2, 3))}, dict)
+    kept._aside.symlink_to(folder / "precious")
+    with pytest.raises(OSError, match="is a link, or not a file of yours"):
+        kept.save()
+    assert (folder / "precious").read_text() == "precious"
+    kept._aside.unlink()
+    assert kept.save() == kept._aside

@@ -170,3 +170,83 @@ def test_forks_have_workers_of_their_own(tmp_path):
     assert "was ended by SIGKILL" in said[-3]
     assert "pending" in said[-2]
     assert said[-1] == "4"
+
+
+DAEMON = """
+import multiprocessing
+import warprt as rt
+
+
+def begin(_):
+    try:
+        return rt.WorkerPool(1, threads=1).submit(abs, -1).result(60)
+    except ValueError as error:
+        return str(error)
+
+
+if __name__ == "__main__":
+    with multiprocessing.get_context("spawn").Pool(1) as pool:
+        print(pool.map(begin, [1]))
+"""
+
+
+def test_daemonic_process_is_told_that_it_may_start_none(tmp_path):
+    assert "could start: daemonic processes are not allowed to have children" in run_limited(tmp_path, DAEMON)
+
+
+NO_DESCRIPTORS = """
+import os, resource
+import warprt as rt
+
+if __name__ == "__main__":
+    pool = rt.WorkerPool(1, threads=1)
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    resource.setrlimit(resource.RLIMIT_NOFILE, (3, hard))
+    print(pool.submit(abs, -1).exception(60))
+    resource.setrlimit(resource.RLIMIT_NOFILE, (soft, hard))
+    print(pool.submit(abs, -2).result(60))
+    pool.shutdown()
+"""
+
+
+def test_pool_without_descriptors_says_so_and_goes_on(tmp_path):
+    said = run_limited(tmp_path, NO_DESCRIPTORS).splitlines()
+    assert "Too many open files" in said[-2]
+    assert said[-1] == "2"
+
+
+ENDS = """
+import os, sys, threading, time
+import warprt as rt
+
+if __name__ == "__main__":
+    pool = rt.WorkerPool(1, threads=1)
+    # A callback may end the pool that calls it.
+    errors, is_over = [], threading.Event()
+
+    def end(_):
+        try:
+            pool.shutdown()
+        except BaseException as error:
+            errors.append(error)
+        is_over.set()
+
+    future = pool.submit(time.sleep, 0.3)
+    future.add_done_callback(end)
+    assert is_over.wait(60) and not errors, errors
+    pool = rt.WorkerPool(1, threads=1)
+    assert pool.submit(abs, -1).result() == 1
+    reader, writer = os.pipe()
+    child = os.fork()
+    if child == 0:
+        os.dup2(writer, 2)
+        sys.exit(0)
+    os.close(writer)
+    assert os.waitpid(child, 0)[1] == 0
+    print("complaints:", [line for line in os.fdopen(reader) if "atexit" in line or "join" in line])
+"""
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="no forks here")
+def test_callbacks_and_forked_children_end_in_silence(tmp_path):
+    assert run_limited(tmp_path, ENDS).splitlines()[-1] == "complaints: []"

@@ -185,6 +185,7 @@ def error_of(shape, place, matrix, o, d, hits, k):
     return float(abs((exact.dot(x, x) - exactly(shape.radius) ** 2) / (2 * exact.dot(x, d))))
 
 
+@pytest.mark.filterwarnings("ignore:positions are float32")  # which is right of slivers far away
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])
 @pytest.mark.parametrize("is_grazing", [False, True], ids=["all sides", "grazing"])
 @pytest.mark.parametrize("kind", KINDS)

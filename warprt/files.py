@@ -14,6 +14,9 @@ try:
 except ImportError:  # not on Windows, where nothing is locked
     fcntl = None
 
+MOST_BYTES = 235
+"""Of a name, in that of a temporary file: file systems take 255."""
+
 
 def require_writable(path: str | Path) -> Path:
     """The path, if a file can be put there. Raises OSError that names it otherwise."""
@@ -51,10 +54,13 @@ def _is_special(target: Path) -> bool:
 def write_whole(path: str | Path, write: Callable[[BinaryIO], None], follow: bool = True) -> None:
     """Calls write(file) on a temporary file beside `path`, then puts it in place; an error leaves no trace.
 
-    The target of a symbolic link is written, and the link stays; without `follow` the file takes its place. A file that
-    is replaced keeps its permissions. What a killed process has left half written goes when the same file is next
-    written. Raises OSError, which names the path, when it cannot be written.
+    The target of a symbolic link is written, and the link stays. A file that is replaced keeps its permissions. What a
+    killed process has left half written goes when the same file is next written. Without `follow`, for folders that
+    others may write to, a link is refused, and so is what is not a file of this user. Raises OSError, which names the
+    path, when it cannot be written.
     """
+    if not follow and not is_own(Path(path)):
+        raise PermissionError(f"cannot write {path}: what stands there is a link, or not a file of yours; remove it")
     path = require_writable(path)
     target = target_of(path) if follow else path
     try:
@@ -65,6 +71,15 @@ def write_whole(path: str | Path, write: Callable[[BinaryIO], None], follow: boo
         named = type(error)(f"cannot write {path}: {error.strerror or error}")
         named.errno = error.errno
         raise named from error
+
+
+def is_own(path: Path) -> bool:
+    """Whether nothing is there, or a file of this user: no link, no pipe, nothing of somebody else."""
+    try:
+        status = os.lstat(path)
+    except FileNotFoundError:
+        return True
+    return stat.S_ISREG(status.st_mode) and (not hasattr(os, "geteuid") or status.st_uid == os.geteuid())
 
 
 def _write_through(target: Path, write: Callable[[BinaryIO], None]) -> None:
@@ -102,13 +117,16 @@ def _begin(target: Path) -> tuple[Path, "FileLock"]:
 
     It has the same name each time, by which one that a killed process has left is found, and no other is looked for.
     """
-    path = target.with_name(f".{target.name}.part")
+    path = _hidden(target)
     while True:
         try:
             os.close(os.open(path, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))
             is_new = True
         except FileExistsError:
             is_new = False
+        if not is_new and not is_own(path):
+            path = _hidden(target, secrets.token_hex(4))
+            continue
         lock = FileLock(path)
         with contextlib.suppress(BlockingIOError, PermissionError):
             lock.take("another process writes it")
@@ -119,7 +137,18 @@ def _begin(target: Path) -> tuple[Path, "FileLock"]:
                 lock.release()
                 continue
         lock.release()
-        path = target.with_name(f".{target.name}.{secrets.token_hex(4)}.part")
+        path = _hidden(target, secrets.token_hex(4))
+
+
+def _hidden(target: Path, mark: str = "") -> Path:
+    """The name of a temporary file, no longer than names may be."""
+    stem = os.fsencode(target.name)[:MOST_BYTES].decode(errors="ignore")
+    return target.with_name(".".join(["", stem, *filter(None, [mark]), "part"]))
+
+
+def _without_following(path: str, flags: int) -> int:
+    """Opens a file, and neither what a link leads to nor, without end, a pipe."""
+    return os.open(path, flags | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0), 0o666)
 
 
 class FileLock:
@@ -135,7 +164,7 @@ class FileLock:
         """Makes the file. Raises BlockingIOError with the words `held` if another one holds it."""
         if fcntl is None or self._file is not None:
             return
-        file = open(self._path, "ab")
+        file = open(self._path, "ab", opener=_without_following)
         try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
             # Else its holder has removed it meanwhile, with all that it was for.

@@ -140,5 +140,6 @@ class _Crew:
 
     def join(self) -> None:
         for seat in list(self._seats):
-            seat.join()
+            if seat is not threading.current_thread():  # where a future's callback ends the pool
+                seat.join()
         self._drop()  # nobody is left to take them

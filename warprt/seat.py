@@ -2,9 +2,11 @@
 
 import contextlib
 import multiprocessing
+import os
 import signal
 import socket
 import threading
+import weakref
 from collections.abc import Callable
 from concurrent.futures import BrokenExecutor
 
@@ -17,6 +19,19 @@ STARTS = 5
 GUARD = "a script needs `if __name__ == '__main__':` around what it does"
 GRACE_S = 5.0
 """Seconds that a process has to end when it is told to."""
+
+
+_processes: weakref.WeakSet = weakref.WeakSet()
+
+
+def _disown() -> None:
+    """In a forked child: `multiprocessing` would join the processes of the parent at its end, and complain."""
+    multiprocessing.process._children.difference_update(_processes)
+    _processes.clear()
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_disown)
 
 
 class WorkerLostError(BrokenExecutor):
@@ -68,7 +83,7 @@ class Seat(threading.Thread):
             while self._is_filled() and (call := self._calls.take()) is not None:
                 self._do(call)
                 del call  # or its arguments would live until the next one comes
-        except StartError as error:
+        except Exception as error:  # a StartError, or whatever else a process cannot be started for
             self._calls.add_taker(-1)
             self._on_failure(self, ValueError(str(error)))
         finally:
@@ -106,13 +121,17 @@ class Seat(threading.Thread):
         with self._lock:
             if self._is_cut:
                 return False
-            here, there = socket.socketpair()
+            try:
+                here, there = socket.socketpair()
+            except OSError as error:
+                raise StartError(f"no process of the WorkerPool could start: {error}") from error
             process = multiprocessing.get_context("spawn").Process(
                 target=serve, args=(there, *self._arguments), name=self.name
             )
+            _processes.add(process)
             try:
                 process.start()
-            except (OSError, RuntimeError) as error:
+            except Exception as error:
                 here.close()
                 # Python says in eleven lines what a script without a guard lacks.
                 why = GUARD if isinstance(error, RuntimeError) else error

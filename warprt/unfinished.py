@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from .files import write_whole
+from .files import is_own, write_whole
 from .image import Image
 
 SECONDS_BETWEEN_SAVES = 30.0
@@ -39,8 +39,12 @@ class Unfinished:
 
     def found(self) -> Path | None:
         """The file that is there, the later one of two; None if there is none."""
-        places = [path for path in (self.path, self._aside) if path.is_file() and _is_own(path)]
+        places = [path for path in (self.path, self._aside) if path.is_file() and self._may_use(path)]
         return max(places, key=lambda path: path.stat().st_mtime_ns, default=None)
+
+    def _may_use(self, path: Path) -> bool:
+        """Others may write to the folder for temporary files."""
+        return path != self._aside or is_own(path)
 
     def load(self, frames: list[Path]) -> None:
         """Takes over what the file has, and of `frames` those up to the first that is gone.
@@ -101,17 +105,16 @@ class Unfinished:
         try:
             write_whole(self.path, lambda file: np.savez(file, **done))
         except OSError:
-            _require_own(self._aside)
             write_whole(self._aside, lambda file: np.savez(file, **done), follow=False)
             return self._aside
-        if _is_own(self._aside):
+        if self._may_use(self._aside):
             self._aside.unlink(missing_ok=True)
         return self.path
 
     def remove(self) -> None:
         """All is done."""
         for path in (self.path, self._aside):
-            if _is_own(path):
+            if self._may_use(path):
                 path.unlink(missing_ok=True)
 
 
@@ -119,14 +122,3 @@ def _aside(path: Path) -> Path:
     """The same for the same path, and another for any other."""
     key = hashlib.blake2b(os.path.abspath(path).encode(errors="replace"), digest_size=6).hexdigest()
     return Path(tempfile.gettempdir(), f"warprt-{key}-{path.name}")
-
-
-def _is_own(path: Path) -> bool:
-    """Whether a file, or a link, if it is there, is this user's: others may write to the folder for temporary files."""
-    return not os.path.lexists(path) or not hasattr(os, "geteuid") or path.lstat().st_uid == os.geteuid()
-
-
-def _require_own(path: Path) -> None:
-    """Raises OSError for a link, and for the file of another user."""
-    if path.is_symlink() or not _is_own(path):
-        raise PermissionError(f"cannot write {path}: it is a link, or the file of another user")
