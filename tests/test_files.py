@@ -198,7 +198,7 @@ def test_what_others_put_into_the_folder_for_temporary_files_stays(tmp_path, mon
     (tmp_path / "precious").write_bytes(b"precious")
     work = unfinished.Unfinished(tmp_path / "gone" / "a.npz", {"color": np.zeros((2, 2, 3), np.float32)}, dict)
     work._aside.symlink_to(tmp_path / "precious")
-    with pytest.raises(OSError, match="it is a link, or the file of another user"):
+    with pytest.raises(OSError, match="what stands there is a link, or not a file of yours"):
         work.save()
     assert (tmp_path / "precious").read_bytes() == b"precious" and work._aside.is_symlink()
     # Where the link comes between the look and the write, it is replaced.
